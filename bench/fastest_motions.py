@@ -130,7 +130,7 @@ def _picks() -> Iterator[str]:
         composer.go(goal)
     yield f"pick, S-curves at 80 %, stops|0.1|{composer.now_s:.3f}|-|-|-|-"
     legs = [JointLeg(ROBOT, start, goal, Pace()) for start, goal in pairwise(PICK)]
-    stops_s = sum(timed_chains(ROBOT, [leg], [])[0].duration_ms for leg in legs) / 1000
+    stops_s = sum(timed_chains(ROBOT, [leg], [])[0].timed.law.duration_s for leg in legs)
     yield f"pick, stops|0.05|{stops_s:.3f}|-|-|-|-"
     for r_mm, average_s in ((20.0, 0.02), (20.0, 0.05), (10.0, 0.02), (10.0, 0.05), (2.0, 0.05)):
         yield _row(f"pick, corners of {r_mm:g} mm", legs, [r_mm, r_mm], average_s)

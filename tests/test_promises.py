@@ -96,7 +96,7 @@ PROMISES = [
     Promise("docs/run-folder.md", "72 000 000", timer.COUNTS_PER_SECOND, SECOND),
     # --- the verdict
     Promise("README.md", "which steps at 9/16 of a step", oracle.THRESHOLD_STEPS, 9 / 16),
-    Promise("README.md", "above 0.57 a run fails", gates.POSITION_ERROR_LIMIT_STEPS, 0.57),
+    Promise("README.md", "fails above 0.57 at 1/16", gates.POSITION_ERROR_LIMIT_STEPS, 0.57),
     Promise(
         "docs/live-commands.md", "more than 9/16 step, the firmware's hysteresis", running.END_ERROR_STEPS_MAX, 9 / 16
     ),

@@ -111,7 +111,7 @@ class Board:
         self._program = program
         starts = config.start_substeps or (0,) * config.axis_count
         self.inputs: BoardInputs = BoardInputs(config.switches, starts, config.travels, config.period_min_counts)
-        self.drivers: DriverBank = DriverBank(config.modules, self.inputs)
+        self.drivers: DriverBank = DriverBank(config.modules, self.inputs, at_edges=self._own is None)
         self.measurements: BoardReadings = BoardReadings()
         """What the board measures."""
         self._held_protects = [False] * config.axis_count
@@ -550,7 +550,7 @@ class Board:
     def take_trace(self, axis: int) -> AxisTrace:
         """Return the trace of an axis and begin the next one here, so that a board may run for ever."""
         trace = self.trace(axis)
-        self.drivers.forget(axis, self.motion.tick * TICK_COUNTS)
+        self.drivers.forget(axis)
         return trace
 
     def trace(self, axis: int) -> AxisTrace:

@@ -9,14 +9,11 @@ it passes whole.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
-from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.controller.node.pins import Pin
-from steptwin.emulator.board.edges import NO_COUNTS, Int8Array, Int64Array, levels_at
+from steptwin.emulator.board.edges import NO_COUNTS, NO_LEVELS, Int8Array, Int64Array, levels_at
 from steptwin.emulator.drivers.terminals import LevelChange, TerminalEdges
 from steptwin.emulator.faults.wiring import Condition, Noise, Wire, WireState
 from steptwin.protocol.drivers import ActiveEdge
@@ -86,42 +83,67 @@ def _odd(turns: Int64Array) -> Int64Array:
     return odd
 
 
-class Passed(NamedTuple):
-    """A stretch of edges behind the wires: what the driver is told, and what is recorded of its terminals.
+class _Meant:
+    """Counts pulses, each by the sign of DIR at its instant, once its active edge has come."""
 
-    They differ where STEP is held high: the driver takes the rise at once, with a pulse that is long enough for every
-    driver, but its end is known only when the wire is repaired.
-    """
+    def __init__(self, active_edge: ActiveEdge, dir_level: int, *, at_edges: bool) -> None:
+        self._by_falls = active_edge is ActiveEdge.FALLING
+        self._at_falls = self._by_falls and at_edges
+        self._dir_level = dir_level
+        self._begun = NO_LEVELS
+        """Signs of the pulses whose active edge has not come."""
 
-    told: TerminalEdges
-    recorded: TerminalEdges
+    def take(self, pins: TerminalEdges) -> int:
+        """Return the sum of the next stretch."""
+        instants = pins.clk_fall_counts if self._at_falls else pins.clk_rise_counts
+        levels = levels_at(instants, pins.dir_counts, pins.dir_levels, self._dir_level)
+        if pins.dir_levels.size:
+            self._dir_level = int(pins.dir_levels[-1])
+        signs = np.concatenate((self._begun, 2 * levels - 1))
+        come = pins.clk_fall_counts.size if self._by_falls else signs.size
+        self._begun = signs[come:]
+        return int(signs[:come].sum(dtype=np.int64))
 
 
 class AxisWires:
     """The wires to one driver. It is made with the first fault: until then the edges pass by themselves."""
 
-    def __init__(self, active_edge: ActiveEdge, *, enable_open: int, dir_level: int, enable_level: int) -> None:
+    def __init__(
+        self,
+        active_edge: ActiveEdge,
+        *,
+        enable_open: int,
+        step_level: int,
+        dir_level: int,
+        enable_level: int,
+        at_edges: bool = False,
+    ) -> None:
         """Begin with whole wires.
 
         Args:
             active_edge: edge of STEP that makes the driver's step.
             enable_open: level that ENABLE has for the driver if nothing is connected.
+            step_level: present level of STEP.
             dir_level: present level of DIR.
             enable_level: present level of ENABLE.
+            at_edges: a pulse's instant is that of its active edge, not of its rise.
         """
-        self._active_edge = active_edge
-        self._step, self._dir, self._enable = _Line(0, 0), _Line(dir_level, 0), _Line(enable_level, enable_open)
+        self._step, self._dir, self._enable = (
+            _Line(step_level, 0),
+            _Line(dir_level, 0),
+            _Line(enable_level, enable_open),
+        )
         self._lines = {Wire.STEP: self._step, Wire.DIR: self._dir, Wire.ENABLE: self._enable}
-        self._rise: int | None = None
-        """The beginning of a pulse at the STEP terminal whose end is not known."""
-        self._told = self._recorded = False
-        """Whether the driver has been told of that pulse, and whether it has been recorded up to an earlier end."""
+        self._rise = NO_COUNTS
+        """The beginning of a pulse at the STEP terminal that noise may end at once: it waits for its end."""
+        self._step_told_level = step_level
         self._dir_ahead = NO_COUNTS
-        """Turns of the DIR terminal that come after that pulse's beginning."""
+        """Turns of the DIR terminal that come after that beginning."""
         self._dir_pin_level, self._enable_pin_level = dir_level, enable_level
         self._dir_told_level = dir_level
         self._enable_turns: list[int] = []
         """Turns of the board's ENABLE that have not been passed on."""
+        self._at_pins, self._at_terminals = (_Meant(active_edge, dir_level, at_edges=at_edges) for _ in range(2))
         self.lost_steps: int = 0
         """Steps at the board's pins less steps at the terminals, each signed by DIR at the same place."""
 
@@ -138,7 +160,7 @@ class AxisWires:
     @property
     def held_pulses(self) -> int:
         """Number of pulses that have begun, and that the driver does not know yet."""
-        return int(self._rise is not None and not self._told)
+        return self._rise.size
 
     def set_enable(self, counts: int, level: int) -> None:
         """Put the board's ENABLE to a level; the next `take` passes it on."""
@@ -146,19 +168,19 @@ class AxisWires:
             self._enable_pin_level = level
             self._enable_turns.append(counts)
 
-    def change(self, wire: Wire, condition: Condition, counts: int) -> Passed:
+    def change(self, wire: Wire, condition: Condition, counts: int) -> TerminalEdges:
         """Let a wire be like this from an instant on, up to which all edges have been taken."""
         turns = self._lines[wire].change(condition, counts)
         made = {each: turns if each is wire else NO_COUNTS for each in Wire}
         return self._pass_on(made[Wire.STEP], made[Wire.DIR], made[Wire.ENABLE], (), counts)
 
-    def take(self, pins: TerminalEdges) -> Passed:
+    def take(self, pins: TerminalEdges) -> TerminalEdges:
         """Take the next stretch of edges at the board's pins; return the next stretch at the terminals."""
-        self.lost_steps += _steps(pins, self._dir_pin_level)
+        self.lost_steps += self._at_pins.take(pins)
         turned = np.diff(pins.dir_levels, prepend=np.int8(self._dir_pin_level)) != 0
         if pins.dir_levels.size:
             self._dir_pin_level = int(pins.dir_levels[-1])
-        edges = np.column_stack((pins.clk_rise_counts, pins.clk_fall_counts)).ravel()
+        edges = np.sort(np.concatenate((pins.clk_rise_counts, pins.clk_fall_counts)))
         enable_turns, self._enable_turns = np.array(self._enable_turns, np.int64), []
         until_counts = pins.until_counts
         return self._pass_on(
@@ -169,16 +191,6 @@ class AxisWires:
             until_counts,
         )
 
-    def forget(self, until_counts: int) -> None:
-        """Remember that a pulse without an end is recorded up to here, so that `with_open_pulse` adds it once only."""
-        self._recorded = self._rise is not None and self._rise < until_counts
-
-    def with_open_pulse(self, rises: Int64Array, falls: Int64Array, until_counts: int) -> tuple[Int64Array, Int64Array]:
-        """Add the pulse whose end is not known to those recorded, as if it ended now, unless that was done before."""
-        if self._rise is None or self._recorded or self._rise >= until_counts:
-            return rises, falls
-        return np.append(rises, self._rise), np.append(falls, until_counts)
-
     # --- the terminals
 
     def _pass_on(
@@ -188,54 +200,36 @@ class AxisWires:
         enable: Int64Array,
         changes: tuple[LevelChange, ...],
         until_counts: int,
-    ) -> Passed:
+    ) -> TerminalEdges:
         """Return a stretch with these turns at the terminals, and these changes of other inputs."""
-        pulses, known_counts = self._pulses(step, until_counts)
+        step, known_counts = self._known(step, until_counts)
         turns = np.concatenate((self._dir_ahead, direction))
         known = int(np.searchsorted(turns, known_counts)) if known_counts < until_counts else turns.size
         turns, self._dir_ahead = turns[:known], turns[known:]
         switched = _enable_changes(enable, self._enable.level)
-        recorded = TerminalEdges(
-            clk_rise_counts=pulses[0::2],
-            clk_fall_counts=pulses[1::2],
+        level = self._step_told_level
+        told = TerminalEdges(
+            clk_rise_counts=step[level::2],
+            clk_fall_counts=step[1 - level :: 2],
             dir_counts=turns,
             dir_levels=_levels(turns, self._dir_told_level),
             changes=tuple(sorted((*switched, *changes), key=lambda change: change.counts)),
             until_counts=known_counts,
         )
-        told = self._tell(recorded)
-        self.lost_steps -= _steps(told, self._dir_told_level)
+        self._step_told_level ^= step.size & 1
+        self.lost_steps -= self._at_terminals.take(told)
         self._dir_told_level ^= turns.size & 1
-        if self._recorded and pulses.size:
-            recorded, self._recorded = _without_first_pulse(recorded), False
-        return Passed(told, recorded)
+        return told
 
-    def _pulses(self, turns: Int64Array, until_counts: int) -> tuple[Int64Array, int]:
-        """Return the turns of whole pulses, and the instant up to which all is known.
+    def _known(self, turns: Int64Array, until_counts: int) -> tuple[Int64Array, int]:
+        """Return the turns of the STEP terminal that may be told, and the instant up to which all is known.
 
-        A pulse that noise has begun waits for its end, and with it all that comes later.
+        A pulse that begins beside noise waits for its end, and with it all that comes later.
         """
-        begun = [] if self._rise is None else [self._rise]
-        turns = np.concatenate((np.array(begun, np.int64), turns))
-        whole = turns.size // 2 * 2
-        self._rise = int(turns[-1]) if turns.size > whole else None
-        waits = self._rise is not None and self._step.condition is not WireState.HIGH
-        return turns[:whole], min(self._rise, until_counts) if waits and self._rise is not None else until_counts
-
-    def _tell(self, pins: TerminalEdges) -> TerminalEdges:
-        """Return what the driver is told of a stretch: not again the pulse that it knows, but one held high."""
-        if self._told and pins.clk_rise_counts.size:
-            pins, self._told = _without_first_pulse(pins), False
-        held = self._rise is not None and self._step.condition is WireState.HIGH
-        if held and self._rise is not None and not self._told and self._active_edge is ActiveEdge.RISING:
-            pins, self._told = _with_pulse(pins, self._rise), True
-        return pins
-
-
-def _steps(pins: TerminalEdges, dir_level: int) -> int:
-    """Return the number of pulses, each signed by DIR at its rise; DIR is at this level before them."""
-    levels = levels_at(pins.clk_rise_counts, pins.dir_counts, pins.dir_levels, dir_level)
-    return 2 * int(levels.sum(dtype=np.int64)) - levels.size
+        turns = np.concatenate((self._rise, turns))
+        told = turns.size - (self._step.level if turns.size and isinstance(self._step.condition, Noise) else 0)
+        turns, self._rise = turns[:told], turns[told:]
+        return turns, min(int(self._rise[0]), until_counts) if self._rise.size else until_counts
 
 
 def _levels(turns: Int64Array, before: int) -> Int8Array:
@@ -248,16 +242,3 @@ def _enable_changes(turns: Int64Array, after: int) -> list[LevelChange]:
     """Return the changes of ENABLE, which has this level after them."""
     levels = _levels(turns, after ^ (turns.size & 1)).tolist()
     return [LevelChange(counts, Pin.ENABLE, level) for counts, level in zip(turns.tolist(), levels, strict=True)]
-
-
-def _without_first_pulse(pins: TerminalEdges) -> TerminalEdges:
-    return replace(pins, clk_rise_counts=pins.clk_rise_counts[1:], clk_fall_counts=pins.clk_fall_counts[1:])
-
-
-def _with_pulse(pins: TerminalEdges, rise: int) -> TerminalEdges:
-    """Return the stretch with one more pulse, which lasts almost a tick: longer than any driver needs."""
-    return replace(
-        pins,
-        clk_rise_counts=np.append(pins.clk_rise_counts, rise),
-        clk_fall_counts=np.append(pins.clk_fall_counts, rise + TICK_COUNTS - 1),
-    )

@@ -33,6 +33,7 @@ from steptwin.protocol.timer import COUNTS_PER_MS
 _LATE_COUNTS: Final = COUNTS_PER_MS
 """Greatest time by which a change of an input may come after later pulses: the firmware computes a tick ahead."""
 _LONG_AGO: Final = -(1 << 60)
+_NOT_YET: Final = 1 << 60
 
 
 class ModeChange(NamedTuple):
@@ -211,7 +212,7 @@ class DriverChip:
     # --- inputs
 
     def feed(self, edges: TerminalEdges) -> Moves:
-        """Process the next stretch of edges at the chip's pins; every rise comes with its fall.
+        """Process the next stretch of edges at the chip's pins.
 
         Returns:
             Instant of each counted step, and the rotor's move by it.
@@ -230,6 +231,8 @@ class DriverChip:
                 self._enable.take(change.counts, change.level)
             if change.terminal == Rail.VM:
                 vm_edges.append((change.counts, change.level))
+        if edges.ends_earlier:
+            self._last_fall_counts = int(edges.clk_fall_counts[0])
         steps = self._count(edges) if edges.clk_rise_counts.size else (NO_COUNTS, NO_LEVELS)
         self._live.end_stretch()
         self._enable.end_stretch()
@@ -252,7 +255,9 @@ class DriverChip:
 
     def _count(self, edges: TerminalEdges) -> tuple[Int64Array, Int8Array]:
         """Find the rises that are steps. Usually all are, which a few minima show without a mask for each limit."""
-        rises, falls = edges.clk_rise_counts, edges.clk_fall_counts
+        rises, falls = edges.clk_rise_counts, edges.clk_fall_counts[int(edges.ends_earlier) :]
+        if falls.size < rises.size:
+            falls = np.append(falls, _NOT_YET)
         high_counts = falls - rises
         period_counts, low_counts = np.empty_like(rises), np.empty_like(rises)
         period_counts[0], low_counts[0] = rises[0] - self._last_rise_counts, rises[0] - self._last_fall_counts

@@ -13,18 +13,23 @@ from steptwin.protocol.drivers import Release
 
 
 class Driver:
-    """Processes the edges at the driver's terminals; at first it has no supply and all terminals are low.
+    """Processes the edges at the driver's terminals; at first it has no supply and all terminals are low."""
 
-    Raises:
-        ValueError: its current is outside the chip's operating range.
-    """
+    def __init__(self, module: Module, *, at_edges: bool = False) -> None:
+        """Make a driver.
 
-    def __init__(self, module: Module) -> None:
+        Args:
+            module: what it is.
+            at_edges: a step's instant is that of its active edge, not of the rise with which its pulse begins.
+
+        Raises:
+            ValueError: its current is outside the chip's operating range.
+        """
         self.module: Final = module
         self.chip: DriverChip = module.make_chip()
         self._turned_to: int | None = None
         """Microsteps to which the module's switches have been turned."""
-        self._stage = None if module.only_wires else InputStage(module, self.chip.pulse_min_counts)
+        self._stage = None if module.only_wires else InputStage(module, self.chip.pulse_min_counts, at_edges=at_edges)
 
     def turn_switches(self, microsteps: int | None, counts: int) -> None:
         """Set the module's switches to a mode, or as they were at first (None), at an instant."""
@@ -39,9 +44,19 @@ class Driver:
         if self._stage is not None:
             self._stage.set_pulse_min(self.chip.pulse_min_counts)
 
+    def begin_high(self, counts: int) -> None:
+        """Let STEP be high as the power comes, which is no edge."""
+        if self._stage is not None:
+            self._stage.begin_high(counts)
+
     def feed(self, edges: TerminalEdges) -> Moves:
-        """Let the driver see the next stretch of its terminals; every rise comes with its fall."""
+        """Let the driver see the next stretch of its terminals."""
         return self.chip.feed(self._stage.take(edges) if self._stage else edges)
+
+    @property
+    def pulse_min_counts(self) -> int:
+        """Time for which STEP must have been high before the driver may be told of a pulse without its end."""
+        return 0 if self._stage else self.chip.pulse_min_counts
 
     @property
     def waiting(self) -> bool:
@@ -81,7 +96,7 @@ class Driver:
 
     @property
     def steps(self) -> tuple[Int64Array, Int8Array]:
-        """Counted steps that are not forgotten: instant when the pulse began at the terminals, and sign."""
+        """Counted steps that are not forgotten: instant at the terminals, as `at_edges` says, and sign."""
         counts, signs = self.chip.steps
         return (self._stage.origins(counts) if self._stage else counts), signs
 

@@ -11,7 +11,7 @@ from steptwin.controller.motion.axis_motion import PinEdges
 from steptwin.controller.node.pins import OUTPUT_PINS, Pin, PinChange
 from steptwin.emulator.board.edges import Int8Array, Int64Array
 from steptwin.emulator.board.inputs import BoardInputs
-from steptwin.emulator.drivers.axis_wires import AxisWires, Passed
+from steptwin.emulator.drivers.axis_wires import AxisWires
 from steptwin.emulator.drivers.driver import Driver
 from steptwin.emulator.drivers.driver_module import Module
 from steptwin.emulator.drivers.limits import Violations
@@ -47,6 +47,7 @@ class AxisTrace:
 
     clk_rise_counts: Int64Array
     clk_fall_counts: Int64Array
+    """The fall that ends each pulse; of one that has not ended, the end of the trace."""
     active_edge: ActiveEdge
     """The edge of STEP at which the chip's CLK rises."""
     dir_counts: Int64Array
@@ -75,8 +76,10 @@ class DriverBank:
     inputs, since a step may reach a switch.
     """
 
-    def __init__(self, modules: Sequence[Module], inputs: BoardInputs) -> None:
-        self.drivers: list[Driver] = [Driver(module) for module in modules]
+    def __init__(self, modules: Sequence[Module], inputs: BoardInputs, *, at_edges: bool = False) -> None:
+        """Make the drivers; `at_edges` tells what a step's instant is, as of `Driver`."""
+        self._at_edges = at_edges
+        self.drivers: list[Driver] = [Driver(module, at_edges=at_edges) for module in modules]
         self.pin_changes: list[PinChange] = []
         """Changes, not taken yet, of the pins that the firmware holds at a level."""
         self._inputs = inputs
@@ -89,6 +92,7 @@ class DriverBank:
         self._strapped: set[tuple[int, Pin]] = set()
         """Pins of the chips that are strapped to a level, whatever the firmware does."""
         self._pin_levels: dict[tuple[int, Pin], int] = {}
+        self._step_levels = [0] * len(self.drivers)
         self._dir_levels = [0] * len(self.drivers)
         self._slips: list[list[tuple[int, int]]] = [[] for _ in self.drivers]
         """Slips of each axis' rotor that are not forgotten: instant, and full steps."""
@@ -138,6 +142,15 @@ class DriverBank:
             for changes in self._waiting:
                 changes.append(LevelChange(now_counts, supply, level))
 
+    def begin_high(self, axis: int, counts: int) -> bool:
+        """Let the firmware hold STEP high as it begins, which no driver takes for an edge; return False if one may."""
+        if self._wires[axis] is not None or self._step_levels[axis]:
+            return False
+        self._pins[axis].append(_pins(PinEdges([counts], []), [], counts))
+        self._step_levels[axis] = 1
+        self.drivers[axis].begin_high(counts)
+        return True
+
     def show(self, all_edges: Sequence[PinEdges], until_counts: int) -> None:
         """Let the drivers see the edges and levels that are new at their terminals up to an instant."""
         for axis, edges in enumerate(all_edges):
@@ -149,8 +162,9 @@ class DriverBank:
         wires_wait = wires is not None and wires.waiting
         if not (moved or self._waiting[axis] or self.drivers[axis].waiting or wires_wait):
             return
-        pins = _pins(edges, self._waiting[axis], until_counts)
+        pins = _pins(edges, self._waiting[axis], until_counts, self._step_levels[axis])
         self._waiting[axis] = []
+        self._step_levels[axis] ^= len(edges.clk_counts) & 1
         if pins.dir_levels.size:
             self._dir_levels[axis] = int(pins.dir_levels[-1])
         if wires is not None:
@@ -166,14 +180,13 @@ class DriverBank:
         held_pulses = driver.held_pulses + (wires.held_pulses if wires is not None else 0)
         self._inputs.moved(axis, *moves, held_pulses=held_pulses, step_substeps=driver.step_substeps)
 
-    def _take(self, axis: int, passed: Passed) -> None:
+    def _take(self, axis: int, passed: TerminalEdges) -> None:
         """Let one driver see what faulty wires have made of the edges, and record it."""
-        self._feed(axis, passed.told)
-        recorded = passed.recorded
-        self._pins[axis].append(recorded)
+        self._feed(axis, passed)
+        self._pins[axis].append(passed)
         self.pin_changes += (
             PinChange(change.counts, axis, Pin.ENABLE, change.level)
-            for change in recorded.changes
+            for change in passed.changes
             if change.terminal == Pin.ENABLE
         )
 
@@ -186,8 +199,10 @@ class DriverBank:
             wires = self._wires[axis] = AxisWires(
                 driver.module.active_edge,
                 enable_open=driver.module.enable_open,
+                step_level=self._step_levels[axis],
                 dir_level=self._dir_levels[axis],
                 enable_level=self.level(axis, Pin.ENABLE),
+                at_edges=self._at_edges,
             )
         self._take(axis, wires.change(wire, condition, counts))
 
@@ -235,15 +250,20 @@ class DriverBank:
         return [driver.chip.follow_outputs() for driver in self.drivers]
 
     def cut_off(self, all_edges: Sequence[PinEdges], counts: int) -> list[PinEdges]:
-        """Return the edges that remain when the power goes: begun pulses end, and DIR falls if it is high."""
-        befores = zip(all_edges, self._dir_levels, strict=True)
-        return [_cut_off(edges, dir_level, counts) for edges, dir_level in befores]
+        """Return the edges that remain when the power goes: begun pulses end; STEP and DIR fall if high."""
+        befores = zip(all_edges, self._step_levels, self._dir_levels, strict=True)
+        return [_cut_off(edges, step_level, dir_level, counts) for edges, step_level, dir_level in befores]
 
     def cut_short(self, all_edges: Sequence[PinEdges], counts: int) -> list[PinEdges]:
         """Return the edges that remain when the processor is reset: a pulse that has begun ends then, too."""
         return [_cut_short(edges, counts) for edges in self.cut_off(all_edges, counts)]
 
     # --- out
+
+    @property
+    def pulse_min_counts(self) -> int:
+        """Time for which a STEP must have been high before its driver may be told of a pulse without its end."""
+        return max(driver.pulse_min_counts for driver in self.drivers)
 
     def count(self, axis: int) -> DriverMonitor:
         """Return the counts of an axis' driver, over all pulses that it has seen, and its present mode."""
@@ -261,13 +281,8 @@ class DriverBank:
         driver = self.drivers[axis]
         nothing = _pins(PinEdges([], []), [], until_counts)  # lets the time pass when nothing came
         self._feed(axis, nothing)
-        pins, wires = self._pins[axis], self._wires[axis]
-        rises, falls = (
-            np.concatenate([p.clk_rise_counts for p in pins]),
-            np.concatenate([p.clk_fall_counts for p in pins]),
-        )
-        if wires is not None:
-            rises, falls = wires.with_open_pulse(rises, falls, until_counts)
+        pins = self._pins[axis]
+        rises, falls = _whole_pulses(pins, until_counts)
         step_counts, step_signs = driver.steps
         return AxisTrace(
             clk_rise_counts=rises,
@@ -286,23 +301,31 @@ class DriverBank:
             slip_full_steps=np.array([full_steps for _, full_steps in self._slips[axis]], dtype=np.int64),
         )
 
-    def forget(self, axis: int, until_counts: int) -> None:
+    def forget(self, axis: int) -> None:
         """Begin the next trace of an axis here, where the last one has ended."""
-        wires = self._wires[axis]
-        if wires is not None:
-            wires.forget(until_counts)
         self._pins[axis] = [_pins(PinEdges([], []), [], 0)]
         self._slips[axis].clear()
         self.drivers[axis].forget()
 
 
-def _pins(edges: PinEdges, changes: list[LevelChange], until_counts: int) -> TerminalEdges:
-    """Wire the edges: the firmware's STEP goes to CLK, its DIR to CW/CCW."""
+def _whole_pulses(pins: Sequence[TerminalEdges], until_counts: int) -> tuple[Int64Array, Int64Array]:
+    """Return the rises and falls of the pulses that begin in these stretches; one that has not ended ends now."""
+    rises = np.concatenate([p.clk_rise_counts for p in pins])
+    falls = np.concatenate([p.clk_fall_counts for p in pins])
+    if falls.size and not (rises.size and rises[0] < falls[0]):
+        falls = falls[1:]
+    if falls.size < rises.size:
+        falls = np.append(falls, max(until_counts, int(rises[-1]) + 1))
+    return rises, falls
+
+
+def _pins(edges: PinEdges, changes: list[LevelChange], until_counts: int, step_level: int = 0) -> TerminalEdges:
+    """Wire the edges: the firmware's STEP, at a level before them, goes to CLK, its DIR to CW/CCW."""
     clk = _array(edges.clk_counts)
     direction = _array(edges.direction)
     return TerminalEdges(
-        clk_rise_counts=clk[0::2],
-        clk_fall_counts=clk[1::2],
+        clk_rise_counts=clk[step_level::2],
+        clk_fall_counts=clk[1 - step_level :: 2],
         dir_counts=direction >> 1,
         dir_levels=(direction & 1).astype(np.int8),
         changes=tuple(changes),
@@ -310,19 +333,22 @@ def _pins(edges: PinEdges, changes: list[LevelChange], until_counts: int) -> Ter
     )
 
 
-def _cut_off(edges: PinEdges, dir_level: int, counts: int) -> PinEdges:
-    """Return the pulses that begin before an instant; DIR, at `dir_level` before them all, falls then if it is high."""
+def _cut_off(edges: PinEdges, step_level: int, dir_level: int, counts: int) -> PinEdges:
+    """Return the pulses that begin before an instant; STEP and DIR, at these levels before them, fall if still high."""
     clk, direction = _array(edges.clk_counts), _array(edges.direction)
     direction = direction[direction >> 1 < counts]
     if direction[-1] & 1 if direction.size else dir_level:
         direction = np.append(direction, counts << 1)
-    return PinEdges(clk[: 2 * int(np.searchsorted(clk[0::2], counts))], direction)
+    clk = clk[: step_level + 2 * int(np.searchsorted(clk[step_level::2], counts))]
+    if (step_level + clk.size) % 2:
+        clk = np.append(clk, max(counts, int(clk[-1]) + 1) if clk.size else counts)
+    return PinEdges(clk, direction)
 
 
 def _cut_short(edges: PinEdges, counts: int) -> PinEdges:
     clk = _array(edges.clk_counts)
     if clk.size and clk[-1] > counts:
-        clk = np.append(clk[:-1], max(counts, int(clk[-2]) + 1))
+        clk = np.append(clk[:-1], max(counts, int(clk[-2]) + 1) if clk.size > 1 else counts)
     return PinEdges(clk, edges.direction)
 
 

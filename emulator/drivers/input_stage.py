@@ -104,7 +104,7 @@ class _Pulses(NamedTuple):
     """Pulses by their active edges; times at the terminals in counts, all arrays of one length."""
 
     origins: Int64Array
-    """Rises at the STEP terminal with which the pulses began."""
+    """Their instants at the STEP terminal."""
     edges: Int64Array
     low_counts: Int64Array
     """Time for which the chip's CLK would be low before each pulse if the couplers were wires."""
@@ -117,8 +117,9 @@ class _Pulses(NamedTuple):
 class InputStage:
     """The way from one module's terminals to its chip's pins; the chip needs CLK high for `pulse_min_counts`."""
 
-    def __init__(self, module: Module, pulse_min_counts: int) -> None:
-        self._module = module
+    def __init__(self, module: Module, pulse_min_counts: int, *, at_edges: bool) -> None:
+        """Make it; a step's instant is that of its active edge, or else of the rise with which its pulse begins."""
+        self._module, self._at_edges = module, at_edges
         self._clk, self._dir, self._enable = map(delay_of, (module.clk, module.direction, module.enable))
         self._setup_counts, self._hold_counts = self._needed("dirsetup_ns"), max(self._needed("dirhold_ns"), 1)
         self._limits = self._make_limits()
@@ -135,6 +136,9 @@ class InputStage:
         self.meant_steps: int = 0
         """Pulses whose fate is certain, each signed by DIR at its beginning."""
         self._rises, self._falls = NO_COUNTS, NO_COUNTS
+        """Edges of the pulses that are not settled; the last may not have ended."""
+        self._unended = self._unended_at_chip = False
+        """Whether the last pulse that is settled has not ended, and whether the chip was told that it began."""
         self._last_fall_counts = _LONG_AGO
         self._dir_counts, self._dir_levels = NO_COUNTS, NO_LEVELS
         self._dir_before = 0
@@ -179,14 +183,23 @@ class InputStage:
         and the chip.
         """
         after_edge = max(limit.value for limit in self._limits[_HOLD:])
+        for_chip = pulse_min_counts + self._clk.to_high - self._clk.to_low
+        self._width_counts = max(self._limits[_CLK_HIGH].value, for_chip)
+        """Time for which a pulse must be high to count."""
         if self._module.active_edge is ActiveEdge.FALLING:
-            for_chip = pulse_min_counts + self._clk.to_high - self._clk.to_low
-            after_edge = max(after_edge, self._limits[_CLK_HIGH].value, for_chip)
+            after_edge = max(after_edge, self._width_counts)
         return max(after_edge - self._clk.to_high, 0)
 
     def set_pulse_min(self, pulse_min_counts: int) -> None:
         """Know that the chip needs CLK high for another time from now on."""
         self._foresight_counts = self._make_foresight(pulse_min_counts)
+
+    def begin_high(self, counts: int) -> None:
+        """Know that STEP is high from an instant on though no pulse has begun."""
+        if self._module.active_edge is ActiveEdge.RISING:
+            self._unended, self._unended_at_chip = True, False
+        else:
+            self._rises = np.append(self._rises, counts)
 
     def turn_switches(self, levels: Mapping[str, int], counts: int) -> None:
         """Let a user set the module's switches for these inputs of the chip; a module without switches has none."""
@@ -196,19 +209,29 @@ class InputStage:
     @property
     def held_pulses(self) -> int:
         """Number of pulses whose fate is not certain yet."""
-        return self._rises.size
+        return self._edges.size
 
     @property
     def held_steps(self) -> int:
         """These pulses, each signed by DIR at its beginning."""
-        meant = levels_at(self._rises, self._dir_counts, self._dir_levels, self._dir_before)
+        meant = levels_at(self._begun, self._dir_counts, self._dir_levels, self._dir_before)
         return 2 * int(meant.sum(dtype=np.int64)) - meant.size
+
+    @property
+    def _edges(self) -> Int64Array:
+        """Active edges of the pulses that are not settled."""
+        return self._rises if self._module.active_edge is ActiveEdge.RISING else self._falls
+
+    @property
+    def _begun(self) -> Int64Array:
+        """Instants of these pulses."""
+        return self._edges if self._at_edges else self._rises[: self._edges.size]
 
     @property
     def waiting(self) -> bool:
         """True while edges are on their way to the chip, even if no more come in."""
         idle_to_come = self._switchboard is not None and self._switchboard.waiting
-        return bool(self._rises.size or self._changes or self._enable_changes or idle_to_come)
+        return bool(self.held_pulses or self._changes or self._enable_changes or idle_to_come)
 
     @property
     def violation_count(self) -> int:
@@ -227,14 +250,14 @@ class InputStage:
         self._log.forget()
 
     def origins(self, rises: Int64Array) -> Int64Array:
-        """Return the rises of STEP at the terminals from which rises of the chip's CLK come."""
+        """Return the instants at the terminals of the steps that rises of the chip's CLK make."""
         at = np.searchsorted(joined(self._passed, np.int64), rises)
         found: Int64Array = joined(self._origins, np.int64)[at]
         return found
 
     def take(self, edges: TerminalEdges) -> TerminalEdges:
         """Take the next stretch of edges at the terminals; return the next stretch at the chip's pins."""
-        self._remember(edges)
+        ended = self._remember(edges)
         arrived_counts = edges.until_counts - self._foresight_counts
         settled = self._settled(edges.until_counts, arrived_counts)
         pulses, levels = settled, NO_LEVELS
@@ -246,13 +269,18 @@ class InputStage:
         rises = pulses.edges + self._clk.to_high
         changes = self._arrived_changes(rises, arrived_counts)
         dir_counts, dir_levels = self._chip_direction(rises, levels, changes)
+        falls = rises + pulses.high_counts + (self._clk.to_low - self._clk.to_high)
         if rises.size:
             self._passed.append(rises)
             self._origins.append(pulses.origins)
+        if settled.edges.size > self._falls.size:  # settled before its end
+            self._unended = True
+            self._unended_at_chip = bool(pulses.edges.size) and pulses.edges[-1] == settled.edges[-1]
+            falls = falls[: falls.size - self._unended_at_chip]
         self._forget(settled.edges.size, arrived_counts)
         return TerminalEdges(
             clk_rise_counts=rises,
-            clk_fall_counts=rises + pulses.high_counts + (self._clk.to_low - self._clk.to_high),
+            clk_fall_counts=np.concatenate((ended, falls)) if ended.size else falls,
             dir_counts=dir_counts,
             dir_levels=dir_levels,
             changes=changes,
@@ -261,10 +289,18 @@ class InputStage:
 
     # --- memory
 
-    def _remember(self, edges: TerminalEdges) -> None:
+    def _remember(self, edges: TerminalEdges) -> Int64Array:
+        """Take the edges; return the chip's fall if they end a pulse whose rise it has seen."""
+        falls, ended = edges.clk_fall_counts, NO_COUNTS
+        if self._unended and falls.size:
+            self._last_fall_counts = int(falls[0])
+            if self._unended_at_chip:
+                ended = falls[:1] + self._clk.to_low
+            falls, self._unended = falls[1:], False
         if edges.clk_rise_counts.size:
             self._rises = np.concatenate((self._rises, edges.clk_rise_counts))
-            self._falls = np.concatenate((self._falls, edges.clk_fall_counts))
+        if falls.size:
+            self._falls = np.concatenate((self._falls, falls))
         if edges.dir_counts.size:
             last = self._dir_levels[-1] if self._dir_levels.size else np.int8(self._dir_before)
             turned = np.diff(edges.dir_levels, prepend=last) != 0
@@ -272,6 +308,7 @@ class InputStage:
             self._dir_levels = np.concatenate((self._dir_levels, edges.dir_levels[turned]))
         for change in edges.changes:
             self._remember_change(change)
+        return ended
 
     def _remember_change(self, change: LevelChange) -> None:
         if change.terminal == Pin.ENABLE:
@@ -300,7 +337,7 @@ class InputStage:
 
     def _forget(self, pulses: int, arrived_counts: int) -> None:
         """Drop the settled pulses, and DIR edges that are too old to influence a later pulse."""
-        if pulses:
+        if pulses and not self._unended:
             self._last_fall_counts = int(self._falls[pulses - 1])
         self._rises, self._falls = self._rises[pulses:], self._falls[pulses:]
         old = int(np.searchsorted(self._dir_counts, arrived_counts - self._memory_counts))
@@ -313,19 +350,24 @@ class InputStage:
     def _settled(self, until_counts: int, arrived_counts: int) -> _Pulses:
         """Return the pulses whose fate is certain.
 
-        If the falling edge is active, the chip's CLK is high until the next pulse begins; in the last pulse it has been
-        high at least until now.
+        If the falling edge is active, the chip's CLK is high until the next pulse begins. The last pulse of either kind
+        may not have ended, and has been high at least until now.
         """
         rises, falls = self._rises, self._falls
-        if not rises.size:
-            return _Pulses(rises, rises, rises, rises)
+        edges, begun = self._edges, self._begun
+        if not edges.size:
+            return _Pulses(edges, edges, edges, edges)
+        settled = int(np.searchsorted(edges + self._clk.to_high, arrived_counts))
         if self._module.active_edge is ActiveEdge.RISING:
             falls_before = np.concatenate(([self._last_fall_counts], falls))[: rises.size]
-            pulses = _Pulses(rises, rises, rises - falls_before, falls - rises)
+            falls_after = np.append(falls, until_counts)[: rises.size]
+            pulses = _Pulses(begun, edges, rises - falls_before, falls_after - rises)
+            if settled > falls.size and pulses.high_counts[-1] < self._width_counts:
+                settled -= 1
         else:
-            rises_after = np.concatenate((rises, [until_counts]))[1:]
-            pulses = _Pulses(rises, falls, falls - rises, rises_after - falls)
-        return pulses.where(slice(int(np.searchsorted(pulses.edges + self._clk.to_high, arrived_counts))))
+            rises_after = np.append(rises, until_counts)[1 : falls.size + 1]
+            pulses = _Pulses(begun, edges, falls - rises[: falls.size], rises_after - falls)
+        return pulses.where(slice(settled))
 
     def _not_lost(self, pulses: _Pulses) -> _Pulses:
         too_short = pulses.high_counts < self._limits[_CLK_HIGH].value

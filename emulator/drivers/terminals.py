@@ -29,9 +29,12 @@ class LevelChange(NamedTuple):
 class TerminalEdges:
     """One stretch of edges at a driver's inputs: sorted times in counts, and the level after each edge.
 
+    A pulse may begin in one stretch and end in a later one. Where the terminals are the chip's pins, it has then been
+    high for long enough to count.
+
     Attributes:
         clk_rise_counts: shape (pulses,), the rises of STEP.
-        clk_fall_counts: shape (pulses,), the fall that ends each pulse.
+        clk_fall_counts: its falls. The first may end a pulse of an earlier stretch, and the last pulse may have none.
         dir_counts: shape (d,).
         dir_levels: shape (d,).
         changes: changes of the terminals that are held at a level.
@@ -44,6 +47,12 @@ class TerminalEdges:
     dir_levels: Int8Array
     changes: tuple[LevelChange, ...]
     until_counts: int
+
+    @property
+    def ends_earlier(self) -> bool:
+        """Whether the first fall ends a pulse of an earlier stretch."""
+        rises, falls = self.clk_rise_counts, self.clk_fall_counts
+        return bool(falls.size and not (rises.size and rises[0] < falls[0]))
 
 
 SubstepArray = NDArray[np.signedinteger[Any]]

@@ -1,12 +1,14 @@
 """A user's firmware as a shared library, and the process in which it runs: `python library.py FILE` is one board's.
 
 This file is run by itself in that process, so it imports nothing but the standard library. Whatever the library prints
-goes to stderr. A request is a name with its arguments, an answer what the firmware has done, both by `marshal`.
+goes to stderr. A request is a name with its arguments, by `marshal`. An answer is a header and two bodies of bytes: a
+firmware may write into that pipe, and what it writes must not be trusted.
 """
 
 import ctypes
 import marshal
 import os
+import struct
 import sys
 from typing import Any, Final
 
@@ -29,6 +31,8 @@ FUNCTIONS: Final = (
 """The functions that a library must have (steptwin_firmware.h)."""
 _ROOM: Final = 4096
 """Edges and frames that are taken in one call."""
+_TAKEN_MAX: Final = 1 << 20
+"""Most of them that one answer has."""
 _FLASH_MAX: Final = 1 << 20
 _AXES_MAX: Final = 8
 
@@ -36,8 +40,16 @@ Answer = tuple[int, int, bytes, bytes]
 """Instant reached, next instant when a frame may leave, and the new edges and frames as C has them."""
 
 
+HEADER: Final = struct.Struct("<4sIQQII")
+"""Of an answer: `MARK`, its kind, two instants, and the sizes of its bodies."""
+MARK: Final = b"STfw"
+WORK, DATA, COMPLAINT = range(3)
+"""Kinds of answers: an `Answer`, bytes, and a sentence about the library."""
+BODIES_MAX: Final = _TAKEN_MAX * (EDGE_BYTES + FRAME_BYTES)
+
+
 class UnusableLibraryError(Exception):
-    """The file is no library, or lacks a function of the interface."""
+    """The file is no library, or it does not keep to the interface; a sentence without the file's name."""
 
 
 class NativeLibrary:
@@ -97,7 +109,7 @@ class NativeLibrary:
             reached, due, new, frames = self._answer(self._run(end))
             edges += new
             if reached > end:  # beyond what it was asked for, which the caller can tell by its own instant alone
-                return until + reached - end, due, edges, frames
+                return min(until + reached - end, NEVER), due, edges, frames
             woken = any(resting >> new[at] & 1 and new[at + 2] < 2 for at in range(8, len(new), EDGE_BYTES))
             if woken or frames or reached != end or reached >= until:
                 return reached, due, edges, frames
@@ -109,32 +121,35 @@ class NativeLibrary:
 
     def _answer(self, reached: int) -> Answer:
         self._reached = reached
-        edges = self._taken(self._edges, self._edge_place, EDGE_BYTES)
-        frames = self._taken(self._frames, self._frame_place, FRAME_BYTES)
+        edges = self._taken("st_take_edges", self._edges, self._edge_place, EDGE_BYTES)
+        frames = self._taken("st_take_frames", self._frames, self._frame_place, FRAME_BYTES)
         return reached, self._due(), edges, frames
 
     @staticmethod
-    def _taken(take: Any, place: int, size: int) -> bytes:
+    def _taken(name: str, take: Any, place: int, size: int) -> bytes:
         count = take(place, _ROOM)
         if not count:
             return b""
-        taken = ctypes.string_at(place, count * size)
-        while count == _ROOM:
-            count = take(place, _ROOM)
+        taken = bytearray()
+        while True:
+            if count > _ROOM:
+                raise UnusableLibraryError(f"{name} says that it gives {count}, where room is for {_ROOM}")
             taken += ctypes.string_at(place, count * size)
-        return taken
+            if count < _ROOM:
+                return bytes(taken)
+            if len(taken) >= _TAKEN_MAX * size:
+                raise UnusableLibraryError(f"{name} gives more than {_TAKEN_MAX} at once")
+            count = take(place, _ROOM)
 
 
-def write(stream: int, value: Any) -> None:
-    """Write a value to a file descriptor."""
-    body = marshal.dumps(value)
-    data = len(body).to_bytes(4, "little") + body
-    while data:
-        data = data[os.write(stream, data) :]
+def request(name: str, *arguments: Any) -> bytes:
+    """Return a request as it is sent."""
+    body = marshal.dumps((name, *arguments))
+    return len(body).to_bytes(4, "little") + body
 
 
-def read(stream: int) -> Any:
-    """Read a value from a file descriptor; raise EOFError at its end."""
+def _requested(stream: int) -> Any:
+    """Read a request from a file descriptor; raise EOFError at its end."""
     data, size = b"", 4
     while len(data) < size:
         part = os.read(stream, 1 << 16)
@@ -146,25 +161,30 @@ def read(stream: int) -> Any:
     return marshal.loads(data[4:])
 
 
+def _answer(stream: int, kind: int, reached: int, due: int, *bodies: bytes) -> None:
+    data = HEADER.pack(MARK, kind, reached, due, *map(len, bodies)) + b"".join(bodies)
+    while data:
+        data = data[os.write(stream, data) :]
+
+
 def main() -> None:
     """Serve one board's firmware until the other end closes."""
     requests, answers = os.dup(0), os.dup(1)
     os.dup2(2, 1)
     try:
         library = NativeLibrary(sys.argv[1])
+        calls = {each.__name__: each for each in (library.boot, library.receive, library.inputs, library.run)}
+        _answer(answers, DATA, 0, 0, b"", b"")
+        while True:
+            name, *arguments = _requested(requests)
+            if name == library.flash.__name__:
+                _answer(answers, DATA, 0, 0, library.flash(), b"")
+            else:
+                _answer(answers, WORK, *calls[name](*arguments))
     except UnusableLibraryError as error:
-        write(answers, str(error))
+        _answer(answers, COMPLAINT, 0, 0, str(error).encode(), b"")
+    except (EOFError, OSError):  # the other end has closed
         return
-    write(answers, None)
-    calls = {
-        each.__name__: each for each in (library.boot, library.receive, library.inputs, library.run, library.flash)
-    }
-    while True:
-        try:
-            name, *arguments = read(requests)
-        except EOFError:
-            return
-        write(answers, calls[name](*arguments))
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ from steptwin.controller.motion.axis_motion import PinEdges
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.controller.node.pins import Pin, PinChange
 from steptwin.emulator.native import FirmwareError, FirmwareProcess
-from steptwin.emulator.native.library import NEVER, Answer
+from steptwin.emulator.native.library import FRAME_BYTES, NEVER
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
@@ -19,15 +19,17 @@ if TYPE_CHECKING:
 
     from steptwin.emulator.board.board import Board
 
-_PULSE_COUNTS: Final = COUNTS_PER_MS
-"""Longest pulse whose end is waited for."""
 _AHEAD_COUNTS: Final = COUNTS_PER_MS // 40
-"""Time by which the firmware runs ahead at once until a pulse has ended."""
+"""Time by which the firmware runs ahead at once until a pulse is long enough for its driver."""
 PINS: Final = ("STEP", "DIR", *Pin)
 """The pins in the order of `enum st_pin`."""
 _STEP, _DIR = 0, 1
 _ID_MAX: Final = 0x7FF
 _DATA_MAX: Final = 8
+_WORK_MAX: Final = 1000
+"""Most calls and frames within a millisecond: in one the fastest bus carries 21 frames."""
+_WAITING_MAX: Final = 1000
+"""Most frames that wait for a mailbox; a further one is lost."""
 _SLICE_COUNTS: Final = 100 * COUNTS_PER_MS
 """Longest time for which the library is called at once, so that a hang is told from work."""
 _REST_COUNTS: Final = 20 * COUNTS_PER_MS
@@ -40,8 +42,8 @@ class NativePulses:
     def __init__(self) -> None:
         self.running = False
         self.undrained_pulses: int = 0
-        self.moved_counts = 0
-        """Instant of its last edge."""
+        self.moved_counts = self.stepped_counts = 0
+        """Instants of its last edge, and of STEP's."""
         self.levels: list[int] = [0] * len(PINS)
         self.clk: list[int] = []
         self.direction: list[int] = []
@@ -51,10 +53,9 @@ class NativePulses:
         return 0
 
     def take_edges(self) -> PinEdges:
-        """Return the edges, without the rise of a pulse that has not ended: it comes with its fall."""
-        whole = len(self.clk) - self.levels[_STEP]
-        edges = PinEdges(self.clk[:whole], self.direction)
-        self.clk, self.direction, self.undrained_pulses = self.clk[whole:], [], 0
+        """Return the edges; the last pulse may not have ended."""
+        edges = PinEdges(self.clk, self.direction)
+        self.clk, self.direction, self.undrained_pulses = [], [], 0
         return edges
 
 
@@ -89,14 +90,14 @@ class NativeMotion:
         """Let axes rest that have not moved for a while."""
         for number in list(self.running_axes):
             axis = self.axes[number]
-            if self.reached_counts - axis.moved_counts > _REST_COUNTS and not axis.levels[_STEP]:
+            if self.reached_counts - axis.moved_counts > _REST_COUNTS:
                 self.running_axes.discard(number)
                 axis.running = False
 
-    @property
-    def in_pulse(self) -> bool:
-        """True while an axis' STEP is high, and has not been so for long."""
-        return any(axis.levels[_STEP] and self.reached_counts - axis.moved_counts < _PULSE_COUNTS for axis in self.axes)
+    def begins_pulse(self, pulse_counts: int) -> bool:
+        """Return True while an axis' STEP is high, and has not been so for this time."""
+        since_counts = self.reached_counts - pulse_counts
+        return any(axis.levels[_STEP] and axis.stepped_counts > since_counts for axis in self.axes)
 
     @property
     def resting(self) -> int:
@@ -122,12 +123,16 @@ class NativeFrames:
 class NativeFirmware:
     """A user's firmware from one power-up to the next, in a process of its own."""
 
-    def __init__(self, path: Path, axis_count: int, node: int, flash: bytes) -> None:
-        """Prepare it; its process begins with `boot`."""
-        self._path, self._node, self._flash = path, node, flash
+    def __init__(self, path: Path, board: "Board", flash: bytes) -> None:
+        """Prepare it for a board; its process begins with `boot`."""
+        self._path, self._node, self._flash = path, board.config.first_node_id, flash
+        self._drivers = board.drivers
         self._process: FirmwareProcess | None = None
-        self.motion: NativeMotion = NativeMotion(axis_count)
+        self.motion: NativeMotion = NativeMotion(board.config.axis_count)
         self.transmit: NativeFrames = NativeFrames()
+        self._booting = False
+        self._work = self._work_ms = 0
+        """Calls and frames within a millisecond, and which it is."""
         self.pins: list[PinChange] = []
         self.due_counts: int | None = None
 
@@ -139,7 +144,7 @@ class NativeFirmware:
     def end(self) -> bytes:
         """End the process, if it has begun; return what stands in the flash."""
         if self._process is not None and self._process.close.alive:
-            self._flash = bytes(self._process.call("flash"))
+            self._flash = self._process.flash()
             self._process.close()
         return self._flash
 
@@ -149,14 +154,17 @@ class NativeFirmware:
         """Power up."""
         self._process = FirmwareProcess(self._path)
         self.motion.reached_counts = now_counts
+        self._booting = True
         self._call("boot", now_counts, len(self.motion.axes), self._node, self._flash, now_counts)
+        self._booting = False
+        self._lengthen_pulses()
 
     def receive(self, frame: Frame, now_counts: int) -> None:
         """Take a frame from the bus."""
         now_counts = max(now_counts, self.motion.reached_counts)
         packed = pack("<IB3x8s", frame.cob_id, len(frame.data), bytes(frame.data))
         self._call("receive", now_counts, packed, now_counts)
-        self._end_pulses()
+        self._lengthen_pulses()
 
     def hears(self, cob_id: int) -> bool:  # noqa: ARG002  (what a user's filter passes is not known)
         """Return True: there is no filter."""
@@ -172,7 +180,7 @@ class NativeFirmware:
         """Set the levels of all inputs."""
         now_counts = max(now_counts, self.motion.reached_counts)
         self._call("inputs", now_counts, pack(f"<{len(inputs)}I", *inputs), now_counts)
-        self._end_pulses()
+        self._lengthen_pulses()
 
     def measure(self, supply_10mv: int, temperature_decidegc: int, now_counts: int) -> None:
         """Analogue inputs are not told."""
@@ -188,19 +196,20 @@ class NativeFirmware:
             starts = motion.starts
             if self._run(min(until_counts, motion.reached_counts + _SLICE_COUNTS)) or motion.starts != starts:
                 break
-        self._end_pulses()
+        self._lengthen_pulses()
         return min(motion.reached_counts, until_counts)
 
-    def _end_pulses(self) -> None:
-        """Run ahead until no axis is within a pulse: the drivers are shown pulses as a whole."""
-        while self._process is not None and self.motion.in_pulse:
+    def _lengthen_pulses(self) -> None:
+        """Run ahead until each pulse has ended, or is long enough to count: a driver is told of no other."""
+        pulse_counts = self._drivers.pulse_min_counts
+        while self._process is not None and self.motion.begins_pulse(pulse_counts):
             self._run(self.motion.reached_counts + _AHEAD_COUNTS)
 
     def poll(self, now_counts: int) -> None:
         """Do what is due."""
         if self._process is not None and self._is_due(now_counts):
             self._run(now_counts)
-            self._end_pulses()
+            self._lengthen_pulses()
             if self._is_due(now_counts) and not self.transmit.services:
                 raise self._broken("st_next_due", "names an instant that has passed", now_counts)
 
@@ -228,21 +237,30 @@ class NativeFirmware:
     def _call(self, name: str, until_counts: int, *arguments: object) -> int:
         """Call the library for all up to an instant; return the number of edges that it gave."""
         assert self._process
-        answer: Answer = self._process.call(name, *arguments)
-        reached, due, edges, frames = answer
+        reached, due, edges, frames = self._process.call(name, *arguments)
         before = self.motion.reached_counts
         if not before <= reached <= until_counts:
             back = "went back in time" if reached < before else f"ran beyond {until_counts / COUNTS_PER_SECOND:.9f} s"
             raise self._broken(f"st_{name}", f"{back}: it returned", reached)
         self.motion.reached_counts = reached
+        self._count_work(f"st_{name}", reached, 1 + len(frames) // FRAME_BYTES)
         self.due_counts = None if due == NEVER else due
         for edge in iter_unpack("<QHBBI", edges):
             self._take_edge(before, *edge[:4])
         for cob_id, length, data in iter_unpack("<IB3x8s", frames):
             if cob_id > _ID_MAX or length > _DATA_MAX:
                 raise self._broken("st_take_frames", f"gives a frame 0x{cob_id:X} of {length} bytes", reached)
-            self.transmit.services.append(Frame(cob_id, data[:length]))
+            if len(self.transmit.services) < _WAITING_MAX:
+                self.transmit.services.append(Frame(cob_id, data[:length]))
         return len(edges)
+
+    def _count_work(self, function: str, reached: int, work: int) -> None:
+        """Count calls and frames in each millisecond of the board's time, so that no firmware can hold it up."""
+        now_ms = reached // COUNTS_PER_MS
+        self._work = work + (self._work if now_ms == self._work_ms else 0)
+        self._work_ms = now_ms
+        if self._work > _WORK_MAX:
+            raise self._broken(function, f"asks for more than {_WORK_MAX} calls and frames within 1 ms", reached)
 
     def _take_edge(self, before: int, counts: int, number: int, pin: int, level: int) -> None:
         if number >= len(self.motion.axes) or pin >= len(PINS) or level > 1:
@@ -258,11 +276,14 @@ class NativeFirmware:
             return
         self.motion.note(number)
         axis.moved_counts = counts
-        if pin == _DIR:
+        if pin == _STEP and self._booting and self._drivers.begin_high(number, counts):
+            axis.stepped_counts = counts
+        elif pin == _DIR:
             axis.direction.append(2 * counts + level)
         else:
-            axis.undrained_pulses += level
-            axis.clk.append(max(counts, axis.clk[-1] + 1) if axis.clk else counts)  # no instruction takes no time
+            axis.undrained_pulses += 1  # the driver may step at either edge
+            axis.stepped_counts = max(counts, axis.stepped_counts + 1)  # no instruction takes no time
+            axis.clk.append(axis.stepped_counts)
 
     def _broken(self, function: str, what: str, counts: int) -> FirmwareError:
         if self._process:
@@ -283,7 +304,7 @@ class NativeProgram:
         """Return the firmware that begins; the one before it ends."""
         if self._running is not None:
             self.flash = self._running.end()
-        self._running = NativeFirmware(self.path, board.config.axis_count, board.config.first_node_id, self.flash)
+        self._running = NativeFirmware(self.path, board, self.flash)
         return self._running
 
     def connect(self, board: "Board") -> None:

@@ -26,6 +26,9 @@ enum st_pin { ST_STEP, ST_DIR, ST_RESET, ST_ENABLE, ST_M1, ST_M2, ST_TQ1, ST_TQ2
 typedef struct { uint64_t counts; uint16_t axis; uint8_t pin; uint8_t level; uint32_t reserved; } st_edge;  /* 16 bytes */
 typedef struct { uint32_t id; uint8_t length; uint8_t reserved[3]; uint8_t data[8]; } st_frame; /* 16 bytes; 11-bit ids */
 
+#ifdef __cplusplus
+extern "C" {
+#endif
 uint32_t st_abi(void);                                       /* returns ST_ABI */
 void st_set_flash(const uint8_t *bytes, uint32_t size);      /* before st_boot: what st_flash gave last; size 0 at first */
 void st_boot(uint32_t axes, uint32_t node, uint64_t now);    /* all pins are low; node: the first node id of this board */
@@ -37,4 +40,7 @@ uint64_t st_run(uint64_t until);                             /* do all up to `un
 uint32_t st_take_edges(st_edge *edges, uint32_t room);       /* pins that have changed up to the instant reached, in order */
 uint32_t st_take_frames(st_frame *frames, uint32_t room);    /* frames that are to be sent now, in order */
 uint32_t st_flash(uint8_t *bytes, uint32_t room);            /* at power-down: what stands in the flash; returns its size */
+#ifdef __cplusplus
+}
+#endif
 #endif

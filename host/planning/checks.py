@@ -12,7 +12,7 @@ from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import apart, by, nearest_within, outside
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.paths import OutOfReachError
-from steptwin.host.planning.peaks import Peak, Quantity, Samples
+from steptwin.host.planning.peaks import Peak, Quantity, Samples, sampled
 from steptwin.host.planning.trajectory import REST_TOLERANCE, Trajectory
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
@@ -20,6 +20,8 @@ from steptwin.protocol.pvt import I24_MAX, I24_MIN
 
 _LIMIT_TOLERANCE: Final = 1e-9
 """Rounding error, in mm or degrees, allowed beyond a limit of position."""
+BEYOND_STEPS: Final = 0.02
+"""Way in driver steps allowed beyond it between a motion's knots: cubics at a limit are nearer to their path."""
 
 
 class OutsideError(OutOfReachError):
@@ -63,8 +65,11 @@ def check_joint_names(robot: Robot, trajectory: Trajectory) -> None:
 class SampleCheck:
     """Looks at a motion window by window: at the values of each joint, its positions and its speed at both ends."""
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, knots_ms: FloatArray) -> None:
+        """Look at a motion with such knots, by the times of its windows."""
         self._joints = robot.joints
+        self._knots_ms = knots_ms
+        self._beyond_between = BEYOND_STEPS / np.abs(robot.to_steps(np.eye(len(robot.joints)))).max(axis=1)
         self._not_finite: dict[int, InputError] = {}
         self._beyond: dict[int, _Beyond] = {}
         self._first: Samples | None = None
@@ -86,13 +91,14 @@ class SampleCheck:
     def _look(self, samples: Samples) -> None:
         """Look at the next window."""
         self._first, self._last = self._first or samples.row(0), samples.row(-1)
+        exact = np.isin(np.round(1000 * samples.t_s), self._knots_ms)
+        exact |= np.abs(samples.velocities).max(axis=1) <= REST_TOLERANCE
         for i, joint in enumerate(self._joints):
             positions = samples.positions[:, i]
             if error := _not_finite(joint, samples.t_s, positions, samples.velocities[:, i]):
                 self._not_finite.setdefault(i, error)
-            elif found := _Beyond.of(joint, samples.t_s, positions):
-                before = self._beyond.get(i, found)
-                self._beyond[i] = before._replace(farthest=max(before.farthest, found.farthest))
+            elif found := _Beyond.of(joint, samples.t_s, positions, np.where(exact, 0.0, self._beyond_between[i])):
+                self._beyond[i] = self._beyond.get(i, found).and_later(found)
 
     def check_positions(self) -> None:
         """Check that all values are finite and all positions within the joints' limits."""
@@ -103,7 +109,7 @@ class SampleCheck:
         """Check that all values of a joint, given by its index, are finite and its positions within its limits."""
         if i in self._not_finite:
             raise self._not_finite[i]
-        if i in self._beyond:
+        if i in self._beyond and self._beyond[i].counts:
             raise self._beyond[i].error(self._joints[i])
 
     def check_rest(self) -> None:
@@ -118,10 +124,15 @@ class SampleCheck:
                     )
 
 
-def check_positions(robot: Robot, windows: Iterable[Samples]) -> None:
+def knots_ms(trajectory: Trajectory) -> FloatArray:
+    """Return the times in ms of a motion's breakpoints; there, and at rest, it is exactly where it shall be."""
+    return np.round(1000 * np.array(trajectory.breakpoints_s))
+
+
+def check_positions(robot: Robot, trajectory: Trajectory) -> None:
     """Check that all values of a motion are finite and all positions within the joints' limits."""
-    check = SampleCheck(robot)
-    for _ in check.watched(windows):
+    check = SampleCheck(robot, knots_ms(trajectory))
+    for _ in check.watched(sampled(trajectory)):
         pass
     check.check_positions()
 
@@ -150,20 +161,26 @@ def _not_finite(joint: Joint, t_s: FloatArray, positions: FloatArray, velocities
 
 
 class _Beyond(NamedTuple):
-    """A joint beyond its limits: where and when it is first, and how far it goes."""
+    """A joint beyond its limits: where and when it is first, how far it goes, and whether that is too far anywhere."""
 
     position: float
     t_s: float
     farthest: float
+    counts: bool
 
     @classmethod
-    def of(cls, joint: Joint, t_s: FloatArray, positions: FloatArray) -> "_Beyond | None":
-        inside = (positions >= joint.lower - _LIMIT_TOLERANCE) & (positions <= joint.upper + _LIMIT_TOLERANCE)
-        if inside.all():
+    def of(cls, joint: Joint, t_s: FloatArray, positions: FloatArray, may: FloatArray) -> "_Beyond | None":
+        """Return where a joint is beyond its limits, if it is; `may` says how far it may be at each instant."""
+        beyond = np.maximum(joint.lower - positions, positions - joint.upper)
+        outside = beyond > _LIMIT_TOLERANCE
+        if not outside.any():
             return None
-        i = int(np.argmin(inside))
-        farthest = float(np.maximum(joint.lower - positions, positions - joint.upper).max())
-        return cls(float(positions[i]), float(t_s[i]), farthest)
+        i = int(np.argmax(outside))
+        return cls(float(positions[i]), float(t_s[i]), float(beyond.max()), bool((outside & (beyond > may)).any()))
+
+    def and_later(self, later: "_Beyond") -> "_Beyond":
+        """Return this together with what a later window shows."""
+        return self._replace(farthest=max(self.farthest, later.farthest), counts=self.counts or later.counts)
 
     def error(self, joint: Joint) -> OutsideError:
         limits = (joint.lower, joint.upper, joint.unit)

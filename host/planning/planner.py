@@ -126,7 +126,7 @@ def _plan(robot: Robot, trajectory: Trajectory, point_ms: int) -> Plan:
     """Plan a trajectory; raise TooFastError for one that passes if it is stretched."""
     checks.check_joint_names(robot, trajectory)
     times_ms = _point_times_ms(trajectory, point_ms)
-    check = checks.SampleCheck(robot)
+    check = checks.SampleCheck(robot, checks.knots_ms(trajectory))
     looked = _Looked.at(robot, times_ms, check.watched(sampled(trajectory)))
     check.check_positions()
     check.check_rest()

@@ -247,7 +247,7 @@ def _coupling_text(geometry: Mapping[str, Dimension]) -> str:
     if belts not in (_EACH, _COREXY):
         raise InputError(f"{_BELTS}: {belts!r} is neither {_EACH} nor {_COREXY}")
     if belts == _EACH:
-        return "".join(f"# {line}\n" for line in _COUPLING.splitlines())
+        return _comment(_COUPLING)
     if not {"X", "Y"} <= set(geometry["axes"]):
         raise InputError(f"{_BELTS}: {_COREXY} moves X and Y, but axes is {geometry['axes']!r}")
     return _COUPLING
@@ -358,18 +358,24 @@ def _joint_text(joint: NewJoint, *, is_coupled: bool) -> str:
 
 
 def _motors_text(joints: list[NewJoint]) -> str:
-    """Return, as comments, the tables of motors and masses: what a user needs to write to have them."""
-    motor = {"model": MOTORS[1], "friction_nm": 0.01}
+    """Return the tables of motors and masses, which a user needs to write; all are comments but the motors given."""
     motor_notes = {"model": "or the figures of its datasheet", "friction_nm": "of motor and gear, at the motor's shaft"}
     link = {"mass_kg": 0.5, "centre_mm": [0.0, 0.0, 0.0]}
     link_notes = {
         "mass_kg": "of what the joint moves, without what the next joints move",
         "centre_mm": "its centre, from the joint's axis",
     }
-    texts = {"motor": _lines(motor, motor_notes), "link": _lines(link, link_notes)}
-    tables = [f"[joints.{joint.name}.{key}]\n{text}" for joint in joints for key, text in texts.items()]
-    supply = "[dynamics]\n" + _lines({"supply_v": 24.0}, {"supply_v": "of the drivers"})
-    return _MOTORS + "".join(f"# {line}\n" for line in "".join([*tables, supply]).splitlines())
+    parts = [_MOTORS]
+    for joint in joints:
+        motor = _lines({"model": joint.motor or MOTORS[1], "friction_nm": 0.01}, motor_notes)
+        table = f"[joints.{joint.name}.motor]\n{motor}"
+        parts += [table if joint.motor else _comment(table)]
+        parts += [_comment(f"[joints.{joint.name}.link]\n{_lines(link, link_notes)}")]
+    return "".join([*parts, _comment("[dynamics]\n" + _lines({"supply_v": 24.0}, {"supply_v": "of the drivers"}))])
+
+
+def _comment(text: str) -> str:
+    return "".join(f"# {line}\n" for line in text.splitlines())
 
 
 def _devices(kind: str, joints: list[NewJoint]) -> str:

@@ -9,6 +9,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.numbers import finite_number
 from steptwin.host.robots.board_settings import BoardSettings, pulses_for
 from steptwin.host.robots.joint import Transmission, Unit
+from steptwin.host.robots.motor import MOTORS
 from steptwin.protocol.drivers import GENERIC, PROFILES
 
 BOARD: Final = BoardSettings(
@@ -69,6 +70,7 @@ class NewJoint:
         microsteps: microsteps per full step.
         home: position after homing, or the nearest one in the range.
         speed_most: highest speed that the joint may have, where something else than motor and driver limits it.
+        motor: its motor, a model of `MOTORS`; None: the file has it as a comment.
         board: the drivers; one that has not the microsteps gets the next lower ones.
     """
 
@@ -81,6 +83,7 @@ class NewJoint:
     microsteps: int
     home: float = 0.0
     speed_most: float = inf
+    motor: str | None = None
     board: BoardSettings = BOARD
 
     def on(self, board: BoardSettings) -> Self:
@@ -115,7 +118,8 @@ class NewJoint:
     @property
     def settings(self) -> dict[str, str]:
         """The values that may be set, by their key in the file: their names here."""
-        return {"lower": "lower", "upper": "upper", self.turn_key: "turn", "microsteps": "microsteps", "home": "home"}
+        keys = ("lower", "upper", self.turn_key, "microsteps", "home", "motor")
+        return {key: "turn" if key == self.turn_key else key for key in keys}
 
     @property
     def transmission(self) -> Transmission:
@@ -163,6 +167,10 @@ def read_joint(joint: NewJoint, key: str, text: str) -> NewJoint:
     """Return a joint with one of its values changed."""
     if key not in joint.settings:
         raise unknown(f"{joint.name}: key", key, joint.settings)
+    if key == "motor":
+        if text not in MOTORS:
+            raise unknown(f"{joint.name}.motor: model", text, MOTORS)
+        return replace(joint, motor=text)
     with prefixed(f"{joint.name}.{key}: "):
         value = finite_number(text.removeprefix("1/") if key == "microsteps" else text)
     changes: dict[str, Any] = {

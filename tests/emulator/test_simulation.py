@@ -36,6 +36,7 @@ def test_answers_have_arrived_when_send_returns(fast_kernel: Kernel) -> None:
     assert heard == [Frame(0x590, bytes.fromhex("4300100092010400"))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("boards", [1, 2])
 def test_the_frames_of_two_boards_may_be_too_many_where_those_of_one_are_not(fast_kernel: Kernel, boards: int) -> None:
     """Heartbeats of 6 ms: 1333 frames a second from each board."""

@@ -96,6 +96,7 @@ def folder(expected: Expected, tmp_path: Path, request: pytest.FixtureRequest) -
     return tmp_path / "run"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("expected", slow_but(CHEAP, RUNS), ids=lambda expected: expected.command)
 def test_job(expected: Expected, folder: Path, tmp_path: Path) -> None:
     """The figures are those of the papers' motions, and every edge and frame is the same byte as before.

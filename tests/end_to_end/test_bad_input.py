@@ -93,6 +93,7 @@ def test_the_start_may_be_half_a_step_off(fast_kernel: Kernel, offset_deg: float
             execute(planned, "pull-line", fast_kernel, stand_at=standing)
 
 
+@pytest.mark.slow
 def test_a_driver_that_is_slower_than_the_firmware_believes_fails_the_run(fast_kernel: Kernel) -> None:
     """With 1000 pF at OSC the chip needs pulses of 90 us: it counts nothing, and the report shows it."""
     robot = load_robot("warehouse-scara")

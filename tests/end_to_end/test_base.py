@@ -96,6 +96,7 @@ def test_the_matrices_begin_with_the_base(robot: str, capsys: pytest.CaptureFixt
     assert "base" not in own["dh"]
 
 
+@pytest.mark.slow
 def test_the_sections_axis_is_told_in_the_station(robot: str, capsys: pytest.CaptureFixture[str]) -> None:
     document = run_json(capsys, "workspace", robot, "--samples", "100")
     assert [document["plan"][key] for key in ("axis_x_mm", "axis_y_mm")] == [800.0, -300.0]

@@ -45,6 +45,7 @@ def test_the_page_is_up_to_date(runs: Runs) -> None:
     assert render_robots(runs) == TEXT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", slow_but(CHEAP, PAPERS))
 def test_the_pages_of_the_papers_are_up_to_date(robot: str, runs: Runs) -> None:
     paper = evaluated(PAPERS[robot], runs)

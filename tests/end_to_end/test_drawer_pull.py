@@ -91,6 +91,7 @@ def check_contract(report: dict[str, Any]) -> None:
     assert report["simulated"] is True
 
 
+@pytest.mark.slow
 def test_faster_and_elsewhere(capsys: pytest.CaptureFixture[str]) -> None:
     """In 2 s, with slides and lift elsewhere, the arm makes the same counts at another place."""
     options = ["sx_mm=1000", "sz_mm=250.003", "L1_mm=150"]
@@ -144,6 +145,7 @@ def test_a_stored_run_has_the_pictures_of_the_run(
         assert (tmp_path / f"{name}.png").read_bytes() == (pictured / f"{name}.png").read_bytes(), name
 
 
+@pytest.mark.slow
 def test_the_folder_holds_the_evidence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "deep" / "folder"
     report = run_json(capsys, *QUICK, "--out", str(out))
@@ -171,6 +173,7 @@ def test_the_folder_holds_the_evidence(tmp_path: Path, capsys: pytest.CaptureFix
     assert sum(" 080#" in line for line in log) == 1
 
 
+@pytest.mark.slow
 def test_the_report_for_people_says_all_that_matters(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -186,6 +189,7 @@ def test_the_report_for_people_says_all_that_matters(
 
 
 class TestAHangingHost:
+    @pytest.mark.slow
     def test_the_board_stops_itself_by_a_ramp_and_knows_where_it_is(
         self, capsys: pytest.CaptureFixture[str], tmp_path: Path
     ) -> None:

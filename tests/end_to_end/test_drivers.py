@@ -42,6 +42,7 @@ def executed(robot: Robot, job: str, kernel: Kernel, **options: str) -> Outcome:
     return execute(plan(robot, make_job(robot, job, options)), job, kernel)
 
 
+@pytest.mark.slow
 def test_by_default_nothing_is_broken(capsys: pytest.CaptureFixture[str]) -> None:
     document = run_json(capsys, *PULL_LINE)
     assert document["driver_profile"] == "chip-330pf"
@@ -51,6 +52,7 @@ def test_by_default_nothing_is_broken(capsys: pytest.CaptureFixture[str]) -> Non
 class TestSlowBlueBoard:
     OPTIONS = ("--driver-profile", "slow-blue-board")
 
+    @pytest.mark.slow
     def test_misses_every_step(self, capsys: pytest.CaptureFixture[str]) -> None:
         """STEP is high for 33 us before the edge that steps; the board needs 150 us."""
         document = run_json(capsys, *PULL_LINE, *self.OPTIONS, exit_code=1)
@@ -72,6 +74,7 @@ class TestSlowBlueBoard:
             assert axis["clk_high_us_min"] > 600
         assert document["tool"]["position_error_mm_max"] > 100
 
+    @pytest.mark.slow
     def test_the_report_for_people_names_the_broken_limit(self, capsys: pytest.CaptureFixture[str]) -> None:
         assert run([*PULL_LINE, *self.OPTIONS]) == 1
         lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
@@ -84,6 +87,7 @@ class TestSlowBlueBoard:
         assert lines[heading + 4].split()[0] == "th2"
         assert any("FAILED" in line for line in lines)
 
+    @pytest.mark.slow
     def test_leaves_its_violations_in_the_folder(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
         run_json(capsys, *PULL_LINE, *self.OPTIONS, "--out", str(tmp_path), exit_code=1)
         with np.load(tmp_path / "edges.npz") as edges:
@@ -94,6 +98,7 @@ class TestSlowBlueBoard:
             assert edges["sx_violation_counts"].size == edges["sx_violation_which"].size == 0
         assert json.loads((tmp_path / "report.json").read_text())["violations"][0]["count"] == 1846
 
+    @pytest.mark.slow
     def test_with_the_times_that_it_asks_for(self, fast_kernel: Kernel) -> None:
         """The falling edge steps, so DIR must hold for 150 us after the pulse."""
         robot = with_board(
@@ -186,6 +191,7 @@ class TestThreeAmpModule:
         assert outcome.driver_profile == "3a-module"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pf", [100, 1000])
 def test_chips_by_their_capacitor(pf: int, capsys: pytest.CaptureFixture[str]) -> None:
     """33 us are enough for 100 pF, which needs 10 us, and too short for 1000 pF, which needs 90 us."""
@@ -193,6 +199,7 @@ def test_chips_by_their_capacitor(pf: int, capsys: pytest.CaptureFixture[str]) -
     assert {group["limit"] for group in document["violations"]} == ({90.0} if pf == 1000 else set())
 
 
+@pytest.mark.slow
 def test_a_file_may_turn_the_active_edge(fast_kernel: Kernel) -> None:
     """Then the bare chip counts falling edges, including the last one, which no pulse follows."""
     robot = with_board("warehouse-scara", active_edge="falling")

@@ -76,6 +76,7 @@ class TestATrajectoryFile:
             assert axis["position_error_steps_max"] <= 0.57
         assert report["axes"][1]["steps_start"] == steps(ROBOT, "th2", 10.0)
 
+    @pytest.mark.slow
     def test_may_be_what_another_run_wrote(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
         """The trajectory.csv that `--out` writes makes the same motion again."""
         first = report_of(capsys, ROBOT, "carry", "--out", str(tmp_path))

@@ -87,6 +87,7 @@ def test_a_folder_with_a_link_is_refused_before_the_work(
     assert os.listdir(out) == ["trace.vcd"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rows", "report", "files"])
 def test_a_campaign_does_not_write_into_a_linked_folder(
     name: str, tmp_path: Path, target: Path, capsys: pytest.CaptureFixture[str]

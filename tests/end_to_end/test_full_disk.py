@@ -68,6 +68,7 @@ def stored(points: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bytes_max", [0, 10_000, 35_000, 60_000])
 def test_run(bytes_max: int, points: str, stored: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with files_up_to(bytes_max), with_pictures_drawn_here():

@@ -52,6 +52,7 @@ def test_a_dead_line_never_starts(fast_kernel: Kernel) -> None:
         drawer_pull(fast_kernel, losing(1.0))
 
 
+@pytest.mark.slow
 def test_a_noisy_line_costs_bits_and_nothing_else(fast_kernel: Kernel) -> None:
     """One attempt in twenty is disturbed: CAN itself repeats it, no record is missing and no node reports an error."""
     outcome = drawer_pull(fast_kernel, FrameCorruption(rate=0.05))
@@ -77,6 +78,7 @@ def test_a_board_that_leaves_the_bus_stops_all_its_axes(fast_kernel: Kernel) -> 
     assert sorted(frame.data[:3] for frame in emergencies) == [b"\x40\x81\x11"] * 6
 
 
+@pytest.mark.slow
 def test_the_same_faults_make_the_same_run(fast_kernel: Kernel) -> None:
     runs = [
         drawer_pull(fast_kernel, FrameCorruption(rate=0.01), losing(0.01), seed=7, duration_s=1.2) for _ in range(2)

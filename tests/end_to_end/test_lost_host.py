@@ -46,5 +46,6 @@ def test_the_arm_stops_by_a_ramp(lost: Outcome) -> None:
     assert evidence.axes[3].step_counts[-1] > lost_counts - 10 * MS
 
 
+@pytest.mark.slow
 def test_it_makes_the_same_run_every_time(fast_kernel: Kernel, lost: Outcome) -> None:
     assert run_without_heartbeat(fast_kernel).bus_log == lost.bus_log

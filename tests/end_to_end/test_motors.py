@@ -46,6 +46,7 @@ def test_a_stored_run_keeps_step_until_the_payload_is_too_large(
     assert all(steps % 4 == 0 for steps in lost)
 
 
+@pytest.mark.slow
 def test_a_run_with_motors_ends_with_their_verdict(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """It is kept in the run's folder, too."""
     assert run(["run", ROBOT, "carry", "--motors", "--out", str(tmp_path)]) == 0

@@ -42,6 +42,7 @@ def commands(robot: str) -> list[list[str]]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", slow_but(["teaching-scara", "lab-scara", "turntable"], ROBOTS))
 def test_tables_fit(robot: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     for words in commands(robot):

@@ -105,6 +105,7 @@ def test_the_machine_stands_still_in_a_pause(paused: HaltedRun) -> None:
         assert np.diff(paused.evidence.axes[axis].step_counts).max() > 1.0 * 72e6
 
 
+@pytest.mark.slow
 def test_a_paused_run_is_the_same_every_time(fast_kernel: Kernel, paused: HaltedRun) -> None:
     again = pulled(fast_kernel, 2.0, PAUSED)
     assert again.outcome.bus_log == paused.outcome.bus_log

@@ -25,6 +25,7 @@ def files(tmp_path: Path) -> tuple[str, str]:
     return str(robot), str(points)
 
 
+@pytest.mark.slow
 def test_a_run_and_its_folder(files: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = str(tmp_path / "out")
     report = run_json(capsys, "run", *files, "--out", out)

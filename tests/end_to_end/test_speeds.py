@@ -103,6 +103,7 @@ def test_the_verdict_is_by_the_motions_own_time(fast_kernel: Kernel, duration_s:
         assert took_s == pytest.approx(changes[0][0] + rest_s * 100 / changes[0][1], abs=0.5)
 
 
+@pytest.mark.slow
 def test_a_speed_that_is_not_the_recorded_one_fails(fast_kernel: Kernel) -> None:
     """One percent off is seen: the verdict takes the record's word for the rates, not for the positions."""
     pull = pulled(2.0)
@@ -130,6 +131,7 @@ def test_outputs_go_by_the_trajectory_at_any_speed(fast_kernel: Kernel) -> None:
         assert 0 <= output.changed_s - output.from_s < 0.06
 
 
+@pytest.mark.slow
 def test_without_a_change_nothing_is_said(fast_kernel: Kernel) -> None:
     pull = pulled(2.0)
     board, _ = executed(fast_kernel, pull, [])

@@ -59,6 +59,7 @@ def test_it_is_said(capsys: pytest.CaptureFixture[str]) -> None:
     assert json.loads(captured.out)["duration_s"] == 2.0
 
 
+@pytest.mark.slow
 def test_what_need_not_be_slower_stays_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
     as_it_is = run_json(capsys, "run", ROBOT, "carry")
     assert run(["run", ROBOT, "carry", "--stretch", "auto", "--json"]) == 0

@@ -40,6 +40,7 @@ def file_of(folder: Path, text: str, name: str = "motion.csv") -> str:
     return str(file)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "text", "hashes"),
     [
@@ -82,6 +83,7 @@ class TestBeforeARun:
         assert "off the lines" not in out[1]
         assert err == []
 
+    @pytest.mark.slow
     def test_radians_are_asked_for(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
         file = file_of(tmp_path, "t,th1,th2,d3,th4\n0,0,0.5,1,0\n2,0.6,1.0,1,0\n")
         _, err = said(capsys, file)

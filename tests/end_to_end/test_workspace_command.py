@@ -16,6 +16,7 @@ from tests.end_to_end.command_line import refusal
 LAB = ["workspace", "lab-scara"]
 
 
+@pytest.mark.slow
 def test_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert run([*LAB, "--json"]) == 0
     document = json.loads(capsys.readouterr().out)

@@ -162,6 +162,7 @@ def run_lely(*arguments: str) -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.slow
 def test_lely_dcfchk_accepts_it(sheet: Path) -> None:
     run_lely("dcf.cli", "-n", "16", str(sheet))
 

@@ -37,6 +37,7 @@ def refused(dictionary: ObjectDictionary, index: int, subindex: int, value: int)
     return caught.value.code
 
 
+@pytest.mark.slow
 @given(
     st.integers(-(1 << 23), (1 << 23) - 1),
     st.integers(-(1 << 23), (1 << 23) - 1),
@@ -77,6 +78,7 @@ def values(code: str) -> st.SearchStrategy[int]:
     return st.sampled_from([low, -1 if low else high, high]) | st.integers(low, high)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(st.sampled_from(["bhi", "BHI", "3HbB", "iI", "I3B", "h", "Hb", "B3I", "bBhH"]), st.data())
 def test_every_mapping_is_taken_apart_as_struct_packs_it(mapping: str, data: st.DataObject) -> None:

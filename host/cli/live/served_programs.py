@@ -9,6 +9,7 @@ NiceGUI 3.18 on two cores). It begins before the board is ready, since its impor
 
 import json
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -25,7 +26,7 @@ from typing import TYPE_CHECKING, Final
 import typer
 
 from steptwin.host.cli.options import naming_options, option
-from steptwin.host.cli.output import warn
+from steptwin.host.cli.output import say, warn
 from steptwin.host.common import listening as socketcand
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
@@ -134,6 +135,8 @@ def panel_process(*, wanted: bool, to_stderr: bool) -> Iterator[Callable[[Sequen
 
 
 _LOOK_EVERY_S: Final = 0.02
+_INTERFACE: Final = re.compile(r"v?can\d+")
+"""Names of SocketCAN's interfaces, as programs are told them."""
 _BY_SIGNAL: Final = 128
 """Added to the number of the signal that has ended a program, as shells do."""
 CAN_VARIABLE: Final = "STEPTWIN_CAN"
@@ -144,7 +147,12 @@ CONTROL_VARIABLE: Final = "STEPTWIN_CONTROL"
 class CommandOptions:
     """The options that start a program for the served board."""
 
-    words: str | None = option("CMD", "Start a program once the board is served; its end is the server's.", "--exec")
+    words: str | None = option(
+        "CMD",
+        "Start a program once the board is served; its end is the server's. One that opens SocketCAN, such as candump,"
+        " needs --preload.",
+        "--exec",
+    )
     preload: str | None = option(
         "FILE", "Library that the program of --exec loads first (LD_PRELOAD), such as canshim.so (docs/socketcan.md)."
     )
@@ -244,4 +252,11 @@ class ServedCommand:
     def pass_on(self) -> None:
         """End the command line with the program's exit code, unless it is 0 or the server has ended first."""
         if self.exit_code:
+            opened = next(filter(_INTERFACE.fullmatch, self._words), None)
+            if opened is not None and self._preload is None:
+                say(
+                    f"--exec {shlex.join(self._words)}: ended with exit code {self.exit_code}; for it to find the board"
+                    f" as {opened}, --preload canshim.so (docs/socketcan.md)",
+                    err=True,
+                )
             raise typer.Exit(self.exit_code)

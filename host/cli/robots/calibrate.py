@@ -19,7 +19,7 @@ from steptwin.host.cli.options import argument, naming_options, option
 from steptwin.host.cli.output import Columns, fixed, number_of, print_rows, print_table, say
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.extras import installing
-from steptwin.host.common.whole_file import write_json, write_whole
+from steptwin.host.common.whole_file import files_together, write_json, write_whole
 
 if TYPE_CHECKING:
     from steptwin.host.common.arrays import FloatArray
@@ -167,9 +167,10 @@ def calibrate(
     picture = False
     if folder is not None:
         text = corrected_text(loaded, found.chain.link_errors, f"found by a calibration of {len(measurements)} poses")
-        write_whole(folder / _ROBOT, text)
-        write_json(folder / _FIGURES, {"robot": loaded.name, **document})
-        picture = _write_picture(folder / _PICTURE, loaded, found)
+        with files_together(folder, stale=_FILES) as parts:
+            write_whole(parts / _ROBOT, text)
+            write_json(parts / _FIGURES, {"robot": loaded.name, **document})
+            picture = _write_picture(parts / _PICTURE, loaded, found)
     which.tell_of(loaded, document, lambda: _print(found, document))
     if folder is not None:
         which.add_files(f"corrected robot file, figures{' and picture' if picture else ''} are", folder)

@@ -7,6 +7,7 @@ from steptwin.host.cli.arguments import AnswerOptions, Replace, keep_files, out_
 from steptwin.host.cli.options import argument, option
 from steptwin.host.cli.output import Columns, print_rows, say
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.whole_file import files_together
 
 if TYPE_CHECKING:
     from steptwin.host.studies.papers import EvaluatedPaper
@@ -34,7 +35,10 @@ def paper(
         keep_files((folder / name for name in paper_files(chosen)), replace=replace)
     runs = Runs()
     page = evaluated(chosen, runs)
-    pictures = folder is not None and write_paper(folder, page, runs)
+    pictures = False
+    if folder is not None:
+        with files_together(folder, stale=paper_files(chosen)) as parts:
+            pictures = write_paper(parts, page, runs)
     answer.tell(page.to_dict(), lambda: _print_page(page))
     if folder is not None:
         what = "page and pictures are" if pictures else "page is"

@@ -17,7 +17,7 @@ from steptwin.host.cli.arguments import (
 )
 from steptwin.host.cli.options import option
 from steptwin.host.cli.output import print_table, say
-from steptwin.host.common.whole_file import whole_file, write_json
+from steptwin.host.common.whole_file import files_together, whole_file, write_json
 
 if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
@@ -103,7 +103,14 @@ _FILES: Final = ("workspace.json", "cloud.csv", "workspace.png", "workspace-3d.p
 
 
 def _write(folder: Path, robot: "Robot", document: dict[str, Any], cloud: "MonteCarlo", scanned: "Scan | None") -> bool:
-    """Write the folder; return False if the pictures had to be left out because matplotlib is not installed."""
+    """Write the folder's files together; return False if the pictures are left out because matplotlib is missing."""
+    with files_together(folder, stale=_FILES) as parts:
+        return _write_parts(parts, robot, document, cloud, scanned)
+
+
+def _write_parts(
+    folder: Path, robot: "Robot", document: dict[str, Any], cloud: "MonteCarlo", scanned: "Scan | None"
+) -> bool:
     figures, points, *pictures = (folder / name for name in _FILES)
     write_json(figures, {"robot": robot.name, **document})
     with whole_file(points) as file:

@@ -96,7 +96,8 @@ def new(
 
     All kinds: driver_profile, the drivers, such as a4988 (docs/driver.md).
 
-    A joint's values: JOINT.lower, JOINT.upper, JOINT.travel_per_turn (mm) or JOINT.ratio, JOINT.microsteps, JOINT.home.
+    A joint's values: JOINT.lower, JOINT.upper, JOINT.travel_per_turn (mm) or JOINT.ratio, JOINT.microsteps (8; 1/8 is
+    taken for 8), JOINT.home, JOINT.motor (its model, such as 17HS19-2004S1).
     """
     from steptwin.host.robots import SUFFIX
     from steptwin.host.robots.kinematics.kinds import KINDS

@@ -12,8 +12,9 @@ from steptwin.host.planning.fastest.drives import (
     MakeDrives,
     check_drives,
 )
-from steptwin.host.planning.fastest.executed import UntimedError, timed
+from steptwin.host.planning.fastest.executed import TimedPath, UntimedError, timed
 from steptwin.host.planning.fastest.pieces import FollowedPath, Pace
+from steptwin.host.planning.fastest.worthwhile_stops import StoppingPath, doubtful, worthwhile
 
 __all__ = [
     "AVERAGE_S",
@@ -32,12 +33,16 @@ __all__ = [
     "MakeDrives",
     "MotionLeg",
     "Pace",
+    "StoppingPath",
     "TimedChain",
+    "TimedPath",
     "ToolLeg",
     "UntimedError",
     "check_drives",
+    "doubtful",
     "fastest_again",
     "rounding_coefficients",
     "timed",
     "timed_chains",
+    "worthwhile",
 ]

@@ -7,7 +7,8 @@ made gentler and smoother in turn, until they keep step.
 """
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final, NamedTuple
@@ -16,11 +17,11 @@ import numpy as np
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.planning_time import check_planning_time
-from steptwin.host.planning.fastest.corners import Corner, CornerError, Flow, MotionLeg, flowing
+from steptwin.host.planning.fastest.corners import CornerError, Flow, MotionLeg, RoundedLegs, flowing
 from steptwin.host.planning.fastest.drives import DriveLimits, DrivesOnPath, LoadChange, PathLoad
 from steptwin.host.planning.fastest.executed import LimitedPath, TimedPath, UntimedError, timed
 from steptwin.host.planning.fastest.rows import PathRates
-from steptwin.host.planning.fastest.solve import fastest_squares
+from steptwin.host.planning.fastest.worthwhile_stops import StoppingPath, doubtful, worthwhile
 from steptwin.host.planning.peaks import TooLongError
 from steptwin.host.robots.robot import Robot
 
@@ -81,30 +82,20 @@ def drives_along(limits: DriveLimits, rates: PathRates, load: PathLoad) -> Drive
 AVERAGE_S: Final = 0.05
 """Usual time over which a motion is averaged: half of what a joint move's S-curve takes to its acceleration."""
 
-_DOUBTFUL: Final = 4.0
-"""Times of averaging within which a corner is passed that may better be a stop."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TimedChain:
-    """A part of a chain, from rest to rest.
+    """A part of a chain, from rest to rest. It may stop in some of its corners.
 
     Attributes:
         first: number of its first leg in the whole chain.
-        legs: number of its legs.
-        corners: the corners between them.
+        flow: its path.
         timed: its motion.
     """
 
     first: int
-    legs: int
-    corners: tuple[Corner, ...]
+    flow: Flow
     timed: TimedPath
-
-    @property
-    def duration_ms(self) -> int:
-        """Duration in milliseconds."""
-        return round(1000 * self.timed.law.duration_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,11 +115,10 @@ class ChainDrives:
     def along(self, flow: Flow, first: int) -> "_DrivesOfPart":
         """Return the drives of a part that begins with a leg."""
         before = [change for leg in self.changes[:first] for change in leg]
-        starts = (0.0, *(corner.s for corner in flow.corners))
         moved = (
-            LoadChange(start + change.from_s, start + change.until_s, change.held)
-            for start, leg in zip(starts, self.changes[first:], strict=False)
-            for change in leg
+            LoadChange(flow.s_of(i, change.from_s), flow.s_of(i, change.until_s), change.held)
+            for i, changes in enumerate(self.changes[first : first + len(flow.legs)])
+            for change in changes
         )
         return _DrivesOfPart(self.limits, PathLoad(before[-1].held if before else self.held, tuple(moved)))
 
@@ -149,75 +139,70 @@ def timed_chains(
 ) -> list[TimedChain]:
     """Return the motion through legs, whose corners are rounded so far, as parts from rest to rest.
 
-    It begins `from_ms` after the whole motion. With drives it is as fast as they manage, averaged over their time.
-
-    It is one part, except where a stop takes less time than the rounded corner. Raises CornerError as `flowing`, and
-    for a part that the drives do not manage, with its first leg.
+    It begins `from_ms` after the whole motion, and stops where that takes less time than the rounded corner. It is one
+    part; with drives it is as fast as they manage, averaged over their time, and one part from stop to stop. Raises
+    CornerError as `flowing`, and for a part that the drives do not manage, with its first leg.
     """
+    return _Chain(robot, RoundedLegs.of(robot, legs, radii_mm), average_s, drives).timed(from_ms)
 
-    def timed_part(flow: Flow, first: int, end: int, from_ms: int = 0, *, is_sure: bool = False) -> TimedChain:
-        try:
-            found = _timed(
-                robot,
-                flow,
-                None if drives is None else drives.along(flow, first),
-                (average_s, from_ms),
-                is_sure=is_sure,
-            )
-        except (WeakDrivesError, TooLongError) as error:
-            raise CornerError(first, str(error)) from error
-        except UntimedError as error:
-            starts = [0.0, *(corner.s for corner in flow.corners)]
-            leg = bisect_right(starts, error.s) - 1
-            raise CornerError(first + leg, f"after {error.s - starts[leg]:.2f} mm {error}") from error
-        return TimedChain(first, end - first, flow.corners, found)
 
-    def part(first: int, end: int, from_ms: int = 0, *, is_sure: bool = False) -> TimedChain:
-        flow = flowing(robot, legs[first:end], radii_mm[first : end - 1])
-        return timed_part(flow, first, end, from_ms, is_sure=is_sure)
+@dataclass(frozen=True, slots=True)
+class _Chain:
+    """Legs with their limits."""
 
-    flow = flowing(robot, legs, radii_mm)
-    whole, doubtful = timed_part(flow, 0, len(legs), from_ms), _doubtful(flow, average_s)
-    found, begins = [whole], [0, *(corner + 1 for corner in doubtful), len(legs)]
-    for corner in doubtful:
-        check_planning_time()
-        last = found.pop()
-        halves = [part(last.first, corner + 1), part(corner + 1, len(legs))]
-        found += halves if _lasts_ms(halves) < last.duration_ms else [last]
-    if doubtful:  # one stop alone may save nothing, and all of them some time
-        found = min(found, [part(*ends) for ends in pairwise(begins)], key=_lasts_ms)
-    if len(found) == 1 and drives is None:
+    robot: Robot
+    legs: RoundedLegs
+    average_s: float
+    drives: ChainDrives | None
+
+    def timed(self, from_ms: int) -> list[TimedChain]:
+        flow = self.legs.flow()
+        at_s, radii_mm = (np.array(each) for each in ([c.s for c in flow.corners], [c.r_mm for c in flow.corners]))
+        corners = doubtful(self.robot, flow.path, at_s, radii_mm, self.average_s)
+        with _at_its_leg(flow, 0):
+            stops, apart_s = worthwhile(self.robot, corners, self._stop_in) if corners else ([], np.inf)
+        if self.drives is not None:
+            return self._driven(stops, from_ms, self.drives)
+        found = self._timed(self.legs.flow(stops) if stops else flow, from_ms)
+        if found.timed.law.duration_s > apart_s and stops != corners:
+            apart = self._timed(self.legs.flow(corners), from_ms)
+            found = min(found, apart, key=lambda chain: chain.timed.law.duration_s)
+        return [found]
+
+    def _stop_in(self, stops: Sequence[int]) -> StoppingPath:
+        flow = self.legs.flow(stops)
+        if self.drives is None:
+            return StoppingPath(flow.path, flow.stops, self.average_s)
+        drives = self.drives.along(flow, 0)
+        on_path = drives_along(drives.limits, flow.path.rates(), drives.load)
+        return StoppingPath(flow.path, flow.stops, on_path.average_s, on_path)
+
+    def _timed(self, flow: Flow, from_ms: int) -> TimedChain:
+        with _at_its_leg(flow, 0):
+            return TimedChain(0, flow, timed(self.robot, flow.path, self.average_s, from_ms, stops=flow.stops))
+
+    def _driven(self, stops: Sequence[int], from_ms: int, limits: ChainDrives) -> list[TimedChain]:
+        """Return the parts from stop to stop, in each of which rotors turn."""
+        found = list[TimedChain]()
+        for first, end in pairwise([0, *(corner + 1 for corner in stops), len(self.legs.legs)]):
+            check_planning_time()
+            flow = flowing(self.robot, self.legs.legs[first:end], self.legs.radii_mm[first : end - 1])
+            drives = limits.along(flow, first)
+            with _at_its_leg(flow, first):
+                made = driven(self.robot, flow.path, drives.limits, drives.load, from_ms)
+            found.append(TimedChain(first, flow, made))
+            from_ms += round(1000 * made.law.duration_s)
         return found
-    sure = list[TimedChain]()
-    for each in found:
-        sure.append(part(each.first, each.first + each.legs, from_ms + _lasts_ms(sure), is_sure=True))
-    return sure
 
 
-def _timed(
-    robot: Robot, flow: Flow, drives: "_DrivesOfPart | None", when: tuple[float, int], *, is_sure: bool
-) -> TimedPath:
-    """Return the motion of a part; rotors turn by it only if it is sure that it is made."""
-    average_s, from_ms = when
-    if drives is None:
-        return timed(robot, flow.path, average_s, from_ms)
-    if is_sure:
-        return driven(robot, flow.path, drives.limits, drives.load, from_ms)
-    on_path = drives_along(drives.limits, flow.path.rates(), drives.load)
-    return timed(robot, flow.path, on_path.average_s, from_ms, on_path)
-
-
-def _lasts_ms(parts: Sequence[TimedChain]) -> int:
-    return sum(part.duration_ms for part in parts)
-
-
-def _doubtful(flow: Flow, average_s: float) -> list[int]:
-    """Return the corners that are passed in hardly more than the time of averaging, which makes the motion slower."""
-    rates = flow.path.rates()
-    squares = fastest_squares(rates.s, flow.path.limits().rows(flow.path.robot, rates))
-    speeds = np.sqrt(np.interp([corner.s for corner in flow.corners], rates.s, squares)).tolist()
-    return [
-        i
-        for i, (corner, speed) in enumerate(zip(flow.corners, speeds, strict=True))
-        if corner.r_mm and 2.0 * corner.r_mm < _DOUBTFUL * speed * average_s
-    ]
+@contextmanager
+def _at_its_leg(flow: Flow, first: int) -> Iterator[None]:
+    """Let an error of a flow's timing name the leg where it is; the first one has this number."""
+    try:
+        yield
+    except (WeakDrivesError, TooLongError) as error:
+        raise CornerError(first, str(error)) from error
+    except UntimedError as error:
+        starts = [0.0, *(corner.s for corner in flow.corners)]
+        leg = bisect_right(starts, error.s) - 1
+        raise CornerError(first + leg, f"after {error.s - starts[leg]:.2f} mm {error}") from error

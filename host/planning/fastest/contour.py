@@ -92,11 +92,7 @@ class Contour:
 
     def _values(self, piece: Int64Array, part: FloatArray, order: int) -> FloatArray:
         """Return the four columns, or their derivatives by the part, of shape (n, 4)."""
-        t = part[:, np.newaxis]
-        values = np.zeros((len(part), 4))
-        for row, factor in zip(range(_DEGREE + 1 - order), _FACTORS[order], strict=True):
-            values *= t
-            values += factor * self.coefficients[piece, row]
+        values = polynomials(self.coefficients, piece, part[:, np.newaxis], order)
         round_ = np.flatnonzero(self.angles_rad[piece])
         if len(round_):
             own, at = piece[round_], part[round_]
@@ -128,6 +124,15 @@ _FACTORS: Final = tuple(
     for order in range(3)
 )
 """What a derivative of each order multiplies the powers by, from the highest one on."""
+
+
+def polynomials(coefficients: FloatArray, piece: Int64Array, part: FloatArray, order: int) -> FloatArray:
+    """Return the values of polynomials of shape (pieces, 6, columns), or a derivative, at parts of shape (n, 1)."""
+    values = np.zeros((len(part), coefficients.shape[2]))
+    for row, factor in zip(range(_DEGREE + 1 - order), _FACTORS[order], strict=True):
+        values *= part
+        values += factor * coefficients[piece, row]
+    return values
 
 
 @dataclass(frozen=True, slots=True, eq=False)

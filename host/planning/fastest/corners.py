@@ -6,10 +6,10 @@ polynomial of degree five whose ends have the place, the direction and the curva
 lines it is a quartic that passes the corner at 3/16 r |t2 - t1|, with the directions t1 and t2 of length 1.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import Final, NamedTuple, Protocol, Self
 
 import numpy as np
 import scipy
@@ -17,16 +17,15 @@ import scipy
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import at_most
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.planning_time import check_planning_time
+from steptwin.host.planning.fastest.flow_path import FlowPath
 from steptwin.host.planning.fastest.pieces import FollowedPath, JointPiece, Pace, PathPiece, PiecewisePath, ToolPiece
+from steptwin.host.planning.fastest.tool_rounding import ToolRounding
 from steptwin.host.planning.paths import Oriented, StraightLine, ToolPath
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import tool_places_mm
 from steptwin.host.robots.poses import Task
-from steptwin.host.robots.poses.rotations import of_rotation_vector, turned
 from steptwin.host.robots.robot import Robot
-
-if TYPE_CHECKING:
-    from scipy.interpolate import BPoly
 
 KINK_MAX_DEG: Final = 0.1
 """Largest angle between two legs that flow into each other without a rounding: three typed decimals make 0.001."""
@@ -62,6 +61,10 @@ class MotionLeg(Protocol):
 
     def part(self, begin: float, end: float) -> PathPiece:
         """Return the part between two parameters."""
+        ...
+
+    def joints_at(self, s: float) -> FloatArray:
+        """Return joints of shape (joints,) at a parameter."""
         ...
 
     def end_rows(self, s: float) -> FloatArray:
@@ -107,13 +110,14 @@ class JointLeg:
 
     def part(self, begin: float, end: float) -> PathPiece:
         """Return the part between two parameters."""
-        return JointPiece.straight(self.robot, self._at(begin), self._at(end), end - begin, self.pace)
+        return JointPiece.straight(self.robot, self.joints_at(begin), self.joints_at(end), end - begin, self.pace)
 
     def end_rows(self, s: float) -> FloatArray:
         """Return joints and derivatives."""
-        return np.stack([self._at(s), (self.goal - self.start) / self.length, np.zeros(len(self.goal))])
+        return np.stack([self.joints_at(s), (self.goal - self.start) / self.length, np.zeros(len(self.goal))])
 
-    def _at(self, s: float) -> FloatArray:
+    def joints_at(self, s: float) -> FloatArray:
+        """Return joints."""
         return np.asarray(self.goal if s == self.length else self.start + s / self.length * (self.goal - self.start))
 
 
@@ -143,6 +147,10 @@ class ToolLeg:
         """Return the part between two parameters."""
         return ToolPiece(self.followed, begin, end - begin, self.pace)
 
+    def joints_at(self, s: float) -> FloatArray:
+        """Return joints."""
+        return np.asarray(self.followed.joints(np.array([s]))[0])
+
     def end_rows(self, s: float) -> FloatArray:
         """Return joints and derivatives."""
         piece = ToolPiece(self.followed, 0.0, self.length, self.pace)
@@ -151,25 +159,59 @@ class ToolLeg:
 
 @dataclass(frozen=True, slots=True)
 class Corner:
-    """A corner that a motion passes.
+    """A corner that a motion passes, or in which it stops.
 
     Attributes:
-        r_mm: how far it is rounded; 0 where two legs flow into each other.
+        r_mm: how far it is rounded; 0 where two legs flow into each other, and at a stop.
         s: parameter of the whole path at which it is passed.
         passes_mm: distance at which the tool passes it.
+        middle_s: parameter in the middle of its rounding: the next leg's own parameter counts from there.
+        reach: length of its rounding on each of both legs; 0 without one.
+        stops: True if the motion stops there.
     """
 
     r_mm: float
     s: float
     passes_mm: float
+    middle_s: float
+    reach: float = 0.0
+    stops: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Flow:
-    """A path through legs and corners without a stop, and its corners in order."""
+    """A path through legs, the legs, and the corners in order."""
 
-    path: PiecewisePath
+    path: FlowPath | PiecewisePath
+    legs: tuple[MotionLeg, ...]
     corners: tuple[Corner, ...]
+
+    @property
+    def stops(self) -> FloatArray:
+        """The parameters of the path at which it stops."""
+        return np.array([corner.s for corner in self.corners if corner.stops])
+
+    def s_of(self, leg: int, at: float) -> float:
+        """Return the path's parameter where the tool is at a leg's own one, or nearest to that place on a rounding.
+
+        Before the leg's begin and behind its end the parameter goes on.
+        """
+        own, before = self.legs[leg], self.corners[leg - 1] if leg else None
+        after = self.corners[leg] if leg < len(self.corners) else None
+        begin_s = before.middle_s if before else 0.0
+        if before and 0.0 <= at < before.reach:
+            return self._nearest(own, at, before.s, begin_s + before.reach)
+        if after and own.length - after.reach < at <= own.length:
+            return self._nearest(own, at, after.middle_s - after.reach, after.s)
+        if before and at < 0.0:
+            return before.s + at
+        return (after.s - own.length if after and at > own.length else begin_s) + at
+
+    def _nearest(self, leg: MotionLeg, at: float, from_s: float, until_s: float) -> float:
+        """Return the path's parameter in a range where the tool is nearest to a place of a leg."""
+        s = np.linspace(from_s, until_s, _PASS_PLACES)
+        places = tool_places_mm(make_kinematics(self.path.robot), np.vstack([leg.joints_at(at), self.path.at(s)[0]]))
+        return float(s[np.argmin(np.linalg.norm(places[1:] - places[0], axis=1))])
 
 
 class CornerError(InputError):
@@ -180,31 +222,79 @@ class CornerError(InputError):
         self.corner = corner
 
 
-def flowing(robot: Robot, legs: Sequence[MotionLeg], radii_mm: Sequence[float]) -> Flow:
-    """Return the path through legs, each beginning where the one before ends, whose corners are rounded so far.
+class _Rounding(NamedTuple):
+    """What rounds a corner, where on it the corner is passed, and at which distance."""
 
-    Raises CornerError for a rounding that needs more of a leg than there is, and for one of 0 at a kink.
+    piece: PathPiece
+    half: float
+    passes_mm: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RoundedLegs:
+    """Legs with the roundings of their corners, through which flows with or without stops are made; made by `of`.
+
+    Attributes:
+        robot: the robot.
+        legs: the legs.
+        radii_mm: how far each corner is rounded.
+        reaches: length of each corner's rounding on both its legs.
+        roundings: the roundings; None where two legs flow into each other.
     """
-    reaches = _reaches(legs, radii_mm)
-    pieces: list[PathPiece] = []
-    corners: list[Corner] = []
-    s = 0.0
-    for i, leg in enumerate(legs):
-        begin = reaches[i - 1] if i else 0.0
-        end = leg.length - (reaches[i] if i < len(reaches) else 0.0)
-        if end - begin > _SMALL_MM or end - begin == leg.length:  # of a whole leg nothing is left out, however short
-            pieces.append(leg.part(begin, end))
-            s += pieces[-1].length
-        if i < len(reaches):
-            if reaches[i] == 0.0:
-                _check_kink(i, robot, leg, legs[i + 1])
-                corners.append(Corner(0.0, s, 0.0))
+
+    robot: Robot
+    legs: tuple[MotionLeg, ...]
+    radii_mm: tuple[float, ...]
+    reaches: tuple[float, ...]
+    roundings: tuple[_Rounding | None, ...]
+
+    @classmethod
+    def of(cls, robot: Robot, legs: Sequence[MotionLeg], radii_mm: Sequence[float]) -> Self:
+        """Return legs, each beginning where the one before ends, whose corners are rounded so far.
+
+        Raises CornerError for a rounding that needs more of a leg than there is, and for one of 0 at a kink.
+        """
+        reaches, roundings = _reaches(legs, radii_mm), list[_Rounding | None]()
+        for i, reach in enumerate(reaches):
+            check_planning_time()
+            if reach == 0.0:
+                _check_kink(i, robot, legs[i], legs[i + 1])
+                roundings.append(None)
             else:
-                pieces.append(_rounded(robot, leg, legs[i + 1], reaches[i]))
-                half, passes_mm = _pass(robot, pieces[-1], leg.end_rows(leg.length)[0])
-                corners.append(Corner(radii_mm[i], s + half, passes_mm))
+                piece = _rounded(robot, legs[i], legs[i + 1], reach)
+                roundings.append(_Rounding(piece, *_pass(robot, piece, legs[i].joints_at(legs[i].length))))
+        return cls(robot, tuple(legs), tuple(radii_mm), tuple(reaches), tuple(roundings))
+
+    def flow(self, stops: Collection[int] = ()) -> Flow:
+        """Return the path through the legs that stops in some of the corners, by their numbers."""
+        stops = frozenset(stops)
+        reaches = [0.0 if i in stops else reach for i, reach in enumerate(self.reaches)]
+        pieces: list[PathPiece] = []
+        corners: list[Corner] = []
+        s = 0.0
+        for i, leg in enumerate(self.legs):
+            begin = reaches[i - 1] if i else 0.0
+            end = leg.length - (reaches[i] if i < len(reaches) else 0.0)
+            if end - begin > _SMALL_MM or end - begin == leg.length:  # a whole leg stays, however short
+                pieces.append(leg.part(begin, end))
                 s += pieces[-1].length
-    return Flow(PiecewisePath(robot, tuple(pieces)), tuple(corners))
+            if i < len(reaches):
+                rounding = self.roundings[i]
+                if i in stops or rounding is None:
+                    corners.append(Corner(0.0, s, 0.0, s, stops=i in stops))
+                else:
+                    pieces.append(rounding.piece)
+                    corners.append(
+                        Corner(self.radii_mm[i], s + rounding.half, rounding.passes_mm, s + reaches[i], reaches[i])
+                    )
+                    s += rounding.piece.length
+        path = FlowPath if len(self.legs) > 1 else PiecewisePath
+        return Flow(path(self.robot, tuple(pieces)), self.legs, tuple(corners))
+
+
+def flowing(robot: Robot, legs: Sequence[MotionLeg], radii_mm: Sequence[float]) -> Flow:
+    """Return the path through legs without a stop, as `RoundedLegs` makes it."""
+    return RoundedLegs.of(robot, legs, radii_mm).flow()
 
 
 def _reaches(legs: Sequence[MotionLeg], radii_mm: Sequence[float]) -> list[float]:
@@ -281,7 +371,7 @@ def _slower(first: Pace, second: Pace) -> Pace:
     )
 
 
-def _tool_rounding(before: FollowedPath, after: FollowedPath, reach: float) -> "ToolRounding | None":
+def _tool_rounding(before: FollowedPath, after: FollowedPath, reach: float) -> ToolRounding | None:
     """Return the rounding of the tool's own path; None where a tool turns in space at an uneven rate."""
     task = before.kinematics.task
     rates = _turns(before.path, task), _turns(after.path, task)
@@ -313,56 +403,3 @@ def _ends(path: ToolPath, at_mm: float, columns: int) -> FloatArray:
 
 def _is_straight(path: ToolPath) -> bool:
     return isinstance(path.places if isinstance(path, Oriented) else path, StraightLine)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ToolRounding:
-    """What rounds the corner between two paths of the tool; implements ToolPath.
-
-    A tool that turns in space turns by the rest of the first path's turn, then by the second's, each with the part that
-    the polynomial of the place has of its direction.
-
-    Attributes:
-        task: task of the tool.
-        curve: places, or whole poses of a flat task, as a polynomial of the length, from 0 to `length_mm`.
-        corner: orientation at the corner, the columns of a pose behind x, y and z.
-        rates: turn of the tool before and after the corner, both of shape (3,), in degrees for each mm.
-    """
-
-    task: Task
-    curve: "BPoly"
-    corner: FloatArray
-    rates: tuple[FloatArray, FloatArray]
-
-    @property
-    def length_mm(self) -> float:
-        """Length of both parts of the legs that it replaces."""
-        return float(self.curve.x[-1])
-
-    def poses(self, s_mm: FloatArray) -> FloatArray:
-        """Return poses of shape (n, task.width)."""
-        columns = np.asarray(self.curve(s_mm))
-        if self.task.is_flat:
-            return columns
-        before, after = self._parts(s_mm)
-        first = self.task.carried(of_rotation_vector(before * self.rates[0]), self.corner)
-        return np.column_stack([columns, self.task.carried(of_rotation_vector(after * self.rates[1]), first)])
-
-    def derivatives(self, s_mm: FloatArray) -> FloatArray:
-        """Return the poses' derivatives by the length s, of shape (n, task.rates), in mm/mm and deg/mm."""
-        columns = np.asarray(self.curve(s_mm, 1))
-        if self.task.is_flat:
-            return columns
-        _, after = self._parts(s_mm)
-        z = (2.0 * s_mm / self.length_mm - 1.0)[:, np.newaxis]
-        gained = 0.5 + 0.75 * z - 0.25 * z**3
-        carried = turned(np.broadcast_to(self.rates[0], (len(s_mm), 3)), of_rotation_vector(after * self.rates[1]))
-        return np.column_stack([columns, carried * (1.0 - gained) + self.rates[1] * gained])
-
-    def _parts(self, s_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the lengths by which the tool is turned before and after the corner, both of shape (n, 1)."""
-        r = self.length_mm / 2.0
-        t = (s_mm - r)[:, np.newaxis]
-        z = t / r
-        after = r * (3.0 / 16.0 + z / 2.0 + 3.0 * z**2 / 8.0 - z**4 / 16.0)
-        return t - after, after

@@ -7,89 +7,21 @@ speed is. Where a cubic exceeds a limit, the limit is lowered around it for the 
 
 from dataclasses import dataclass, replace
 from itertools import count
-from typing import Final, Protocol, Self
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.planning_time import check_planning_time
+from steptwin.host.planning.fastest.averaged import NO_STOPS, Averaged
 from steptwin.host.planning.fastest.drives import DriveAnswer, DrivesOnPath
 from steptwin.host.planning.fastest.rows import PathLimits, PathRates, Rows, with_axes
 from steptwin.host.planning.fastest.solve import Solver, fastest_squares
-from steptwin.host.planning.laws import time_after
 from steptwin.host.planning.motions.sampled import Sampled
 from steptwin.host.planning.peaks import check_length
 from steptwin.host.planning.trajectory import DEFAULT_POINT_MS
 from steptwin.host.robots.robot import Robot
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Averaged:
-    """The moving average over `average_s` of a parameter that is a parabola between knots, and stretched a little.
-
-    The average is continuous in its acceleration; where the parameter's acceleration is at most a, its jerk is at most
-    2 a / average_s. Its duration is that of the parameter plus `average_s`, rounded up to a whole millisecond: that is
-    the stretch. Made by `of`.
-
-    Attributes:
-        times_s: shape (n,), the knots before averaging, rising from 0.
-        s: shape (n,), the parameter at the knots.
-        speeds: shape (n,), its speed at the knots; 0 at both ends.
-        areas: shape (n,), the integral of the parameter up to the knots.
-        average_s: time over which it is averaged, above 0.
-        duration_s: duration, a whole number of milliseconds.
-    """
-
-    times_s: FloatArray
-    s: FloatArray
-    speeds: FloatArray
-    areas: FloatArray
-    average_s: float
-    duration_s: float
-
-    @classmethod
-    def of(cls, s: FloatArray, squares: FloatArray, average_s: float, slower: float = 1.0) -> Self:
-        """Return the average for squares of the speed at places, both of shape (n,); the square is even in between.
-
-        The places do not fall. `slower` is a further stretch, at least 1.
-        """
-        steps, roots = np.diff(s), np.sqrt(squares)
-        moved = steps > 0
-        dt_s = 2.0 * steps[moved] / (roots[:-1] + roots[1:])[moved]
-        keep = np.concatenate([[True], moved])
-        own_s, speeds = s[keep], roots[keep]
-        times_s = np.concatenate([[0.0], np.cumsum(dt_s)])
-        u = np.diff(speeds) / dt_s
-        grown = dt_s * (own_s[:-1] + dt_s * (speeds[:-1] / 2.0 + dt_s * u / 6.0))
-        areas = np.concatenate([[0.0], np.cumsum(grown)])
-        duration_s = np.ceil(1000.0 * slower * (times_s[-1] + average_s) - 1e-6) / 1000.0
-        return cls(times_s, own_s, speeds, areas, average_s, float(duration_s))
-
-    def at(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the parameter and its speed at times of shape (n,) in [0, duration_s]."""
-        shrink = (self.times_s[-1] + self.average_s) / self.duration_s
-        late = t_s * shrink
-        early = late - self.average_s
-        (area, s), (area_before, s_before) = self._raw(late), self._raw(early)
-        value = (area - area_before) / self.average_s
-        value = np.where(t_s <= 0.0, self.s[0], np.where(t_s >= self.duration_s, self.s[-1], value))
-        return value, (s - s_before) / self.average_s * shrink
-
-    def time_at(self, s: float) -> float:
-        """Return the time in seconds when the parameter is first at a value; it rises everywhere in between."""
-        return time_after(lambda t_s: float(self.at(np.array([t_s]))[0][0]) < s, self.duration_s)
-
-    def _raw(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the integral of the parameter, and the parameter, at times before averaging; both ends stand."""
-        inside = np.clip(t_s, 0.0, self.times_s[-1])
-        i = np.clip(np.searchsorted(self.times_s, inside, side="right") - 1, 0, len(self.times_s) - 2)
-        dt_s = inside - self.times_s[i]
-        u = (self.speeds[i + 1] - self.speeds[i]) / (self.times_s[i + 1] - self.times_s[i])
-        s = self.s[i] + dt_s * (self.speeds[i] + dt_s * u / 2.0)
-        area = self.areas[i] + dt_s * (self.s[i] + dt_s * (self.speeds[i] / 2.0 + dt_s * u / 6.0))
-        area += self.s[0] * np.minimum(t_s, 0.0) + self.s[-1] * np.maximum(t_s - self.times_s[-1], 0.0)
-        return area, s
 
 
 class LimitedPath(Protocol):
@@ -140,9 +72,11 @@ class UntimedError(InputError):
 _LIMIT_PASSES: Final = 8
 """Passes that lower the limits that are exceeded; the following ones cap the speed there, which reaches all of them."""
 _PASSES: Final = 20
-"""Passes altogether; afterwards the whole motion is made slower by what is still beyond."""
+"""Passes altogether; afterwards each run is made slower as a whole by what is still beyond."""
+_NEARLY: Final = 1.02
+"""Part of a limit up to which further passes make a motion longer by no more than a few thousandths."""
 _SLOWER_MAX: Final = 1.5
-"""Factor by which the whole motion is made slower at most: what needs more of it turns joints all at once."""
+"""Factor by which a run is made slower at most: what needs more of it turns joints all at once."""
 _LOWERED_MAX: Final = 1.3
 """Factor by which a pass lowers a limit at most: the excess of one place also comes from its neighbours."""
 _BEYOND: Final = 1e-4
@@ -163,38 +97,133 @@ _RECORD_MS_MIN: Final = 2
 
 
 def timed(
-    robot: Robot, path: LimitedPath, average_s: float, from_ms: int = 0, drives: DrivesOnPath | None = None
+    robot: Robot,
+    path: LimitedPath,
+    average_s: float,
+    from_ms: int = 0,
+    drives: DrivesOnPath | None = None,
+    stops: FloatArray = NO_STOPS,
 ) -> TimedPath:
     """Return the fastest motion from rest to rest along a path, within the limits of its pieces and of the drives.
 
     The motion begins `from_ms` after the whole one; its points are those of the whole one. With `drives` it keeps their
-    torques, too, but their rotors have not turned yet: `driven` does that.
+    torques, too, but their rotors have not turned yet: `driven` does that. It rests at the parameters `stops`, rising,
+    at which pieces of the path meet; the runs in between are timed each by itself.
     """
-    rates, asked = path.rates(), path.limits()
-    limits, caps, slower = asked, np.full(len(rates.s), np.inf), 1.0
-    torques = _Torques.of(rates, drives, asked.rows(robot, rates))
+    timing = _Timing.of(robot, path, average_s, from_ms, drives, stops)
     for number in count(1):
-        check_planning_time()
-        rows = limits.rows(robot, rates)
-        squares = torques.fastest(replace(rows, x_max=np.minimum(rows.x_max, caps)))
-        law = Averaged.of(rates.s, squares, average_s, slower)
-        check_length("the motion", round(1000 * law.duration_s))
-        motion = _cubics(robot, path, law, from_ms)
-        use = _Use.of(robot, path, law, motion, asked, rates.s)
-        used = torques.used(motion, law)
-        highest = max(use.highest, float(used.max(initial=0.0)))
-        if highest <= _ENOUGH:
+        tried = timing.tried()
+        if (tried.highest <= _ENOUGH).all():
             break
+        timing.correct(number, tried)
+    return TimedPath(tried.motion, tried.law, float(tried.highest.max()))
+
+
+def lasting_s(
+    robot: Robot,
+    path: LimitedPath,
+    average_s: float,
+    drives: DrivesOnPath | None = None,
+    stops: FloatArray = NO_STOPS,
+    enough_s: FloatArray | None = None,
+) -> FloatArray:
+    """Return how long each run between stops lasts in `timed`, or nearly so and not in whole ms, of shape (runs,).
+
+    A run is not looked at more closely once it is certain on which side of `enough_s` it is. One that cannot be timed
+    lasts for ever.
+    """
+    timing = _Timing.of(robot, path, average_s, 0, drives, stops)
+    for number in count(1):
+        tried = timing.tried()
+        at_least_s = tried.law.least_s
+        at_most_s = at_least_s * np.where(tried.highest > _NEARLY, tried.highest, 1.0)
+        is_open = at_most_s > at_least_s
+        if enough_s is not None:
+            is_open &= (at_least_s < enough_s) & (enough_s <= at_most_s)
+        if number > _PASSES or not is_open.any():
+            break
+        timing.correct(number, tried)
+    return np.where(tried.highest > _SLOWER_MAX, np.inf, at_most_s)
+
+
+class _Tried(NamedTuple):
+    """What a pass has made; `highest` is the largest part of a limit that each run uses, of shape (runs,)."""
+
+    law: Averaged
+    motion: Sampled
+    squares: FloatArray
+    use: "_Use"
+    torques: FloatArray
+    highest: FloatArray
+
+
+@dataclass(slots=True, eq=False)
+class _Timing:
+    """A path that is timed in passes, each of which lowers what the one before has exceeded.
+
+    Attributes:
+        limits: shape as those of the path, what is asked for, lowered.
+        caps: shape (places,), bounds of the squares of the speeds.
+        slower: shape (runs,), stretch of each run.
+    """
+
+    robot: Robot
+    path: LimitedPath
+    average_s: float
+    from_ms: int
+    stops: FloatArray
+    rates: PathRates
+    asked: PathLimits
+    limits: PathLimits
+    caps: FloatArray
+    slower: FloatArray
+    torques: "_Torques"
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        path: LimitedPath,
+        average_s: float,
+        from_ms: int,
+        drives: DrivesOnPath | None,
+        stops: FloatArray,
+    ) -> "_Timing":
+        rates, asked = path.rates(), path.limits()
+        caps = np.where(np.isin(rates.s, stops), 0.0, np.inf)
+        torques = _Torques.of(rates, drives, asked.rows(robot, rates))
+        slower = np.ones(len(stops) + 1)
+        return cls(robot, path, average_s, from_ms, stops, rates, asked, asked, caps, slower, torques)
+
+    def tried(self) -> _Tried:
+        """Return the motion within the present limits, and what it uses of those that are asked for."""
+        check_planning_time()
+        robot, places = self.robot, self.rates.s
+        rows = self.limits.rows(robot, self.rates)
+        squares = self.torques.fastest(replace(rows, x_max=np.minimum(rows.x_max, self.caps)))
+        law = Averaged.of(places, squares, self.average_s, self.slower, self.stops)
+        check_length("the motion", round(1000 * law.duration_s))
+        motion = _cubics(robot, self.path, law, self.from_ms)
+        use = _Use.of(robot, self.path, law, motion, self.asked, places)
+        torques = self.torques.used(motion, law)
+        each = np.maximum(use.highest, torques.max(axis=1, initial=0.0))
+        firsts = np.searchsorted(use.ends_s, law.begins_s[:-1])
+        return _Tried(law, motion, squares, use, torques, np.maximum.reduceat(each, firsts))
+
+    def correct(self, number: int, tried: _Tried) -> None:
+        """Lower what a pass of a number exceeds; raise UntimedError if nothing helps."""
+        law, use, places = tried.law, tried.use, self.rates.s
         if number <= _LIMIT_PASSES:
-            limits = use.lowered(limits, law, rates.s)
-            torques.lower(used, *use.reached(law, rates.s))
+            self.limits = use.lowered(self.limits, law, places)
+            self.torques.lower(tried.torques, *use.reached(law, places))
         elif number <= _PASSES:
-            caps = np.minimum(caps, squares / use.factors(used, law, rates.s))
+            self.caps = np.minimum(self.caps, tried.squares / use.factors(tried.torques, law, places))
         else:
-            slower *= max(1.0001, highest)
-            if slower > _SLOWER_MAX:
-                raise UntimedError(*use.worst(robot, law))
-    return TimedPath(motion, law, highest)
+            later = (law.lasts_s + 0.5e-3) / law.least_s  # the next whole millisecond
+            beyond = np.maximum(self.slower * np.maximum(1.0001, tried.highest), later)
+            self.slower = np.where(tried.highest > _ENOUGH, beyond, self.slower)
+            if self.slower.max() > _SLOWER_MAX:
+                raise UntimedError(*use.worst(self.robot, law))
 
 
 @dataclass(slots=True, eq=False)
@@ -267,11 +296,8 @@ class _Use:
         index = np.clip(np.searchsorted(places, s, side="right") - 1, 0, len(places) - 1)
         near = [np.maximum(limit[index[:-1]], limit[index[1:]]) for limit in (asked.speeds, asked.accelerations)]
         middle_s = (times_s[:-1] + times_s[1:]) / 2
-        tool = np.zeros((len(middle_s), 2))
-        for t_s in (times_s[:-1], middle_s, times_s[1:]):
-            at, rate = law.at(t_s)
-            limit = asked.tool[np.clip(np.searchsorted(places, at, side="right") - 1, 0, len(places) - 1)]
-            np.maximum(tool, path.tool(at) * rate[:, np.newaxis] / limit, out=tool)
+        at_ends, at_middles = (_tool_used(path, law, t_s, asked, places) for t_s in (times_s, middle_s))
+        tool = np.maximum.reduce([at_ends[:-1], at_middles, at_ends[1:]])
         return cls(
             times_s,
             speeds / near[0],
@@ -280,9 +306,10 @@ class _Use:
         )
 
     @property
-    def highest(self) -> float:
-        """The largest part of a limit that is used."""
-        return float(max(self.speeds.max(), self.accelerations.max(), self.tool.max()))
+    def highest(self) -> FloatArray:
+        """Shape (records,), the largest part of a limit that each uses."""
+        parts = (self.speeds, self.accelerations, self.tool)
+        return np.asarray(np.maximum.reduce([each.max(axis=1) for each in parts]))
 
     def worst(self, robot: Robot, law: Averaged) -> tuple[str, float]:
         """Return which limit is exceeded most, in words, and at which parameter of the path."""
@@ -320,10 +347,22 @@ class _Use:
         return _factors(used, len(places), *self.reached(law, places))[:, 0]
 
     def reached(self, law: Averaged, places: FloatArray) -> tuple[Int64Array, Int64Array]:
-        """Return the first place and the one after the last that each record is averaged from."""
-        from_s, _ = law.at(np.clip(self.ends_s[:-1] - law.average_s, 0.0, law.duration_s))
-        until_s, _ = law.at(np.clip(self.ends_s[1:] + law.average_s, 0.0, law.duration_s))
-        return np.searchsorted(places, from_s, side="left"), np.searchsorted(places, until_s, side="right")
+        """Return the first place and the one after the last that each record is averaged from, all of its run."""
+        run = law.run_at(self.ends_s[:-1])
+        begin_s, end_s = law.begins_s[run], law.begins_s[run + 1]
+        from_s, _ = law.at(np.clip(self.ends_s[:-1] - law.average_s, begin_s, end_s))
+        until_s, _ = law.at(np.clip(self.ends_s[1:] + law.average_s, begin_s, end_s))
+        # where two runs meet the place stands twice: once for each
+        bounds = np.concatenate([[0], np.searchsorted(places, law.s[law.rests[1:-1]]) + 1, [len(places)]])
+        firsts, lasts = np.searchsorted(places, from_s, side="left"), np.searchsorted(places, until_s, side="right")
+        return np.maximum(firsts, bounds[run]), np.minimum(lasts, bounds[run + 1])
+
+
+def _tool_used(path: LimitedPath, law: Averaged, t_s: FloatArray, asked: PathLimits, places: FloatArray) -> FloatArray:
+    """Return the part of the tool's speeds that is used at times of shape (n,), as shape (n, 2)."""
+    at, rate = law.at(t_s)
+    limit = asked.tool[np.clip(np.searchsorted(places, at, side="right") - 1, 0, len(places) - 1)]
+    return path.tool(at) * rate[:, np.newaxis] / limit
 
 
 def _factors(used: FloatArray, places: int, begins: Int64Array, ends: Int64Array) -> FloatArray:
@@ -337,10 +376,9 @@ def _factors(used: FloatArray, places: int, begins: Int64Array, ends: Int64Array
 
 def _cubics(robot: Robot, path: LimitedPath, law: Averaged, from_ms: int) -> Sampled:
     """Return the cubics through the path at knots of whole milliseconds, as close to it as OFF_STEPS."""
-    end_ms = round(1000 * law.duration_s)
-    knots_ms = np.unique(
-        np.concatenate([[0, end_ms], np.arange(-from_ms % DEFAULT_POINT_MS, end_ms, DEFAULT_POINT_MS)])
-    )
+    begins_ms = np.rint(1000 * law.begins_s).astype(np.int64)
+    grid_ms = np.arange(-from_ms % DEFAULT_POINT_MS, begins_ms[-1], DEFAULT_POINT_MS)
+    knots_ms = np.unique(np.concatenate([begins_ms, grid_ms]))
     joints, velocities = _on_path(path, law, knots_ms)
     unseen = np.arange(len(knots_ms) - 1)
     while True:
@@ -368,8 +406,8 @@ def _cubics(robot: Robot, path: LimitedPath, law: Averaged, from_ms: int) -> Sam
 
 
 def _on_path(path: LimitedPath, law: Averaged, times_ms: Int64Array) -> tuple[FloatArray, FloatArray]:
-    """Return joints and their velocities, at rest at both ends of the motion."""
+    """Return joints and their velocities, at rest at both ends of each run."""
     s, rate = law.at(times_ms / 1000)
     joints, first = path.at(s)
-    is_end = (times_ms <= 0) | (times_ms >= round(1000 * law.duration_s))
+    is_end = np.isin(times_ms, np.rint(1000 * law.begins_s))
     return joints, np.where(is_end[:, np.newaxis], 0.0, first * rate[:, np.newaxis])

@@ -96,6 +96,8 @@ class FollowedPath:
 
     def steep_mm(self, begin_mm: float, end_mm: float) -> FloatArray:
         """Return the lengths between two on which joints turn so fast that its guides are dense there, rising."""
+        if self.kinematics.keeps_branch:  # its guides are even
+            return np.zeros(0)
         apart = np.diff(self.guide_mm)
         dense = apart < apart.max() / 2.0
         at_dense = np.append(dense, False) | np.append(False, dense)
@@ -207,7 +209,7 @@ class PathPiece(Protocol):
 
 _STRAIGHT_PLACES: Final = 40
 _CURVED_PLACES: Final = 32
-_SMALL: Final = 1e-4
+SMALL: Final = 1e-4
 """Half of the step of central differences, in units of a piece's parameter."""
 
 
@@ -268,7 +270,7 @@ class JointPiece:
         rates = np.zeros((len(s), 2))
         if np.isfinite(self.pace.tool_mm_s) or np.isfinite(self.pace.tool_deg_s):
             kinematics = make_kinematics(self.robot)
-            ends = np.clip(np.stack([s - _SMALL, s + _SMALL]), 0.0, self.length)
+            ends = np.clip(np.stack([s - SMALL, s + SMALL]), 0.0, self.length)
             before, after = (kinematics.forward(self.joints(at, 0)) for at in ends)
             apart = ends[1] - ends[0]
             rates[:, 0] = np.linalg.norm(after[:, :3] - before[:, :3], axis=1) / apart
@@ -310,7 +312,7 @@ class ToolPiece:
             case 1:
                 return self.followed.derivatives(at)
             case _:
-                ends = np.clip(np.stack([at - _SMALL, at + _SMALL]), self.begin, self.begin + self.length)
+                ends = np.clip(np.stack([at - SMALL, at + SMALL]), self.begin, self.begin + self.length)
                 before, after = (self.followed.derivatives(end) for end in ends)
                 return np.asarray((after - before) / (ends[1] - ends[0])[:, np.newaxis])
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import astuple, dataclass, replace
 from itertools import pairwise
 from math import dist
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 
@@ -59,21 +59,6 @@ _LEAST_MM: Final = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CutRun:
-    """Moves that follow each other without a stop.
-
-    Attributes:
-        contour: the path.
-        moves: the moves, merged.
-        begins_mm: shape (moves,), where each begins on the path, or the middle of the rounding before it.
-    """
-
-    contour: Contour
-    moves: tuple[CutMove, ...]
-    begins_mm: FloatArray
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Placing:
     """Where the file's coordinates are in the station.
 
@@ -100,21 +85,6 @@ class Placing:
         """Return the spot of a pose."""
         x, y, z = (self.axes @ (np.array(pose[:3]) - self.origin)).tolist()
         return x, y, z, pose[3] - self.turn_deg if self.columns > 3 and not self.attitude else 0.0
-
-
-def cut_runs(moves: Sequence[CutMove], placing: Placing, blend_mm: float) -> list[CutRun]:
-    """Return moves, each of which begins where the one before ends, as runs from stop to stop.
-
-    Moves have a length. `blend_mm` rounds corners where the file says nothing of them; 0 stops there.
-    """
-    merged = _merged(moves)
-    legs = _Legs.of(merged)
-    radii_mm, stops = legs.radii_mm(merged, blend_mm)
-    ends = [0, *(np.flatnonzero(stops) + 1).tolist(), len(merged)]
-    return [
-        legs.run(placing, merged[begin:end], slice(begin, end), radii_mm[begin : end - 1])
-        for begin, end in pairwise(ends)
-    ]
 
 
 # --- merging
@@ -196,6 +166,11 @@ class _Legs:
         lengths = np.sqrt(np.sum(coefficients[:, 4, :3] ** 2, axis=1) + round_mm**2 + (radii_mm * growths) ** 2)
         return cls(coefficients, circles, angles, growths, lengths)
 
+    def own(self, begin: int, end: int) -> Self:
+        """Return some of the legs."""
+        arrays = (self.coefficients, self.circles, self.angles, self.growths, self.lengths)
+        return type(self)(*(each[begin:end] for each in arrays))
+
     def ends(self, part: FloatArray) -> FloatArray:
         """Return values, first and second derivatives by the length, shape (legs, 3, 4), at a part of each leg."""
         length = self.lengths[:, np.newaxis]
@@ -228,20 +203,17 @@ class _Legs:
         stops = ~flows & (radii < _LEAST_MM)
         return np.where(stops, 0.0, radii), stops
 
-    def run(self, placing: Placing, moves: Sequence[CutMove], own: slice, radii: FloatArray) -> CutRun:
-        """Return the run through some of the legs, whose corners are rounded so far."""
-        legs = _Legs(
-            *(each[own] for each in (self.coefficients, self.circles, self.angles, self.growths, self.lengths))
-        )
-        begin, end = np.append(0.0, radii) / legs.lengths, 1.0 - np.append(radii, 0.0) / legs.lengths
+    def contour(self, placing: Placing, moves: Sequence[CutMove], radii: FloatArray) -> tuple[Contour, FloatArray]:
+        """Return the path through the legs, whose corners are rounded so far, and where on it each leg begins."""
+        begin, end = np.append(0.0, radii) / self.lengths, 1.0 - np.append(radii, 0.0) / self.lengths
         count, feeds = len(moves), np.array([move.feed_mm_s for move in moves])
         coefficients, circles = np.zeros((2 * count - 1, 6, 4)), np.zeros((2 * count - 1, 2, 3))
         angles, growths, lengths, speeds = np.zeros((4, 2 * count - 1))
-        coefficients[::2], circles[::2], angles[::2], growths[::2] = legs.between(begin, end)
-        lengths[::2], lengths[1::2] = (end - begin) * legs.lengths, 2.0 * radii
+        coefficients[::2], circles[::2], angles[::2], growths[::2] = self.between(begin, end)
+        lengths[::2], lengths[1::2] = (end - begin) * self.lengths, 2.0 * radii
         speeds[::2], speeds[1::2] = feeds, np.minimum(feeds[:-1], feeds[1:])
         powers = (2.0 * radii)[:, np.newaxis, np.newaxis] ** np.arange(3)[:, np.newaxis]
-        coefficients[1::2] = rounding_coefficients(legs.ends(end)[:-1] * powers, legs.ends(begin)[1:] * powers)
+        coefficients[1::2] = rounding_coefficients(self.ends(end)[:-1] * powers, self.ends(begin)[1:] * powers)
         numbers = np.array([move.line for move in moves]).repeat(2)[:-1]
         is_rounding = np.arange(2 * count - 1) % 2 == 1
         kept = lengths > 0.0
@@ -263,7 +235,7 @@ class _Legs:
             placing.attitude,
             placing.columns,
         )
-        return CutRun(contour, tuple(moves), begins)
+        return contour, begins
 
     def between(self, begin: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return coefficients, circles, angles and growths of the part of each leg between two parts of it."""
@@ -282,3 +254,59 @@ class _Legs:
 def _directions(slopes: FloatArray) -> FloatArray:
     """Return the directions of length 1 of the places' derivatives, shape (n, 3)."""
     return np.asarray(slopes[:, :3] / np.linalg.norm(slopes[:, :3], axis=1, keepdims=True))
+
+
+# --- runs
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CutRun:
+    """Moves that follow each other without a stop, or with stops that make them faster; made by `of`.
+
+    Attributes:
+        contour: the path.
+        moves: the moves, merged.
+        begins_mm: shape (moves,), where each begins on the path, or the middle of the rounding before it.
+        radii_mm: shape (moves - 1,), how far each corner is rounded; 0 at stops, and where two moves flow on.
+        stops: corners in which it stops, by their numbers, rising.
+    """
+
+    contour: Contour
+    moves: tuple[CutMove, ...]
+    begins_mm: FloatArray
+    radii_mm: FloatArray
+    stops: tuple[int, ...]
+    _legs: _Legs
+    _placing: Placing
+
+    @classmethod
+    def of(cls, legs: _Legs, moves: Sequence[CutMove], placing: Placing, radii_mm: FloatArray) -> Self:
+        """Return the run through legs, whose corners are rounded so far."""
+        contour, begins_mm = legs.contour(placing, moves, radii_mm)
+        return cls(contour, tuple(moves), begins_mm, radii_mm, (), legs, placing)
+
+    @property
+    def stops_mm(self) -> FloatArray:
+        """Where it stops."""
+        return self.begins_mm[1:][list(self.stops)]
+
+    def stopping_in(self, corners: Sequence[int]) -> Self:
+        """Return the run that stops in some of its corners, by their numbers, rising."""
+        radii_mm = self.radii_mm.copy()
+        radii_mm[list(corners)] = 0.0
+        return replace(self.of(self._legs, self.moves, self._placing, radii_mm), stops=tuple(corners))
+
+
+def cut_runs(moves: Sequence[CutMove], placing: Placing, blend_mm: float) -> list[CutRun]:
+    """Return moves, each of which begins where the one before ends, as runs from stop to stop.
+
+    Moves have a length. `blend_mm` rounds corners where the file says nothing of them; 0 stops there.
+    """
+    merged = _merged(moves)
+    legs = _Legs.of(merged)
+    radii_mm, stops = legs.radii_mm(merged, blend_mm)
+    ends = [0, *(np.flatnonzero(stops) + 1).tolist(), len(merged)]
+    return [
+        CutRun.of(legs.own(begin, end), merged[begin:end], placing, radii_mm[begin : end - 1])
+        for begin, end in pairwise(ends)
+    ]

@@ -19,7 +19,6 @@ from steptwin.host.planning.jobs.options import (
     place_options,
 )
 from steptwin.host.planning.paths import OutOfReachError
-from steptwin.host.planning.peaks import sampled
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.kinematics import Elbow, HybridArm, Scara, make_kinematics, within_limits
 from steptwin.host.robots.robot import Robot
@@ -160,4 +159,4 @@ def _check_limits(robot: Robot, trajectory: Trajectory) -> None:
     """Raise OutOfReachError, as the planner does, if the joints' limits are clearly left."""
     positions = trajectory.positions(np.linspace(0.0, trajectory.duration_s, _CHECKED))
     if not within_limits(robot.joints, positions).all():
-        check_positions(robot, sampled(trajectory))
+        check_positions(robot, trajectory)

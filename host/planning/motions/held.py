@@ -1,5 +1,6 @@
 """A motion with standstills put in: what a machine has done that waited for inputs on its way."""
 
+from bisect import bisect
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import accumulate
@@ -119,9 +120,9 @@ class TimeSpan:
     @property
     def breakpoints_s(self) -> tuple[float, ...]:
         """The trajectory's breakpoints in the part."""
-        from_ms, until_ms = round(1000 * self.from_s), round(1000 * self.until_s)
-        times_ms = (round(1000 * t_s) for t_s in self.trajectory.breakpoints_s)
-        return tuple((ms - from_ms) / 1000 for ms in times_ms if from_ms < ms < until_ms)
+        from_ms, until_ms, all_s = round(1000 * self.from_s), round(1000 * self.until_s), self.trajectory.breakpoints_s
+        own = slice(bisect(all_s, (from_ms + 0.5) / 1000), bisect(all_s, (until_ms - 0.5) / 1000))
+        return tuple((round(1000 * t_s) - from_ms) / 1000 for t_s in all_s[own])
 
     @property
     def switchings(self) -> tuple[Switching, ...]:

@@ -80,7 +80,7 @@ class Sampled:
     ) -> Self:
         """Return the cubics through points at whole milliseconds with velocities of shape (points, joints)."""
         check_times(times_s, all_whole_ms=True)
-        inner_s = tuple(round(1000 * t_s) / 1000 for t_s in times_s[1:-1].tolist())
+        inner_s = tuple((np.rint(1000.0 * times_s[1:-1]) / 1000.0).tolist())
         return cls(joint_names, scipy.interpolate.CubicHermiteSpline(times_s, positions, velocities), inner_s)
 
     @property

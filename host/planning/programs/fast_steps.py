@@ -7,6 +7,8 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 from functools import cached_property
 from typing import Any, Final, NamedTuple
 
+import numpy as np
+
 from steptwin.host.common.planning_time import check_planning_time, planning_step
 from steptwin.host.planning import checks
 from steptwin.host.planning.checks import TooFastError
@@ -133,11 +135,10 @@ def _passing_value(pace: StepPace, key: _Key, least_stretch: float, checks: tupl
 
 
 class _Look(NamedTuple):
-    """What each millisecond of a step's motion shows; `refused` is the error of one that PVT records cannot hold."""
+    """How fast a step's motion is; `refused` is the error of one that PVT records cannot hold."""
 
     peaks: tuple[Peak, ...]
     refused: TooFastError | None
-    positions: checks.SampleCheck
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,22 +166,26 @@ class MadeStep:
         """The peaks of each joint; none without motion, or if PVT records cannot hold it."""
         return self._look.peaks
 
-    @property
+    @cached_property
     def positions(self) -> checks.SampleCheck:
         """What its positions are, for `check_joint`."""
-        return self._look.positions
+        if self.part is None:
+            return checks.SampleCheck(self.robot, np.zeros(0))
+        check = checks.SampleCheck(self.robot, checks.knots_ms(self.part) + self.from_ms)
+        for _ in check.looking(shifted(sampled(self.part), self.from_ms / 1000)):
+            pass
+        return check
 
     @cached_property
     def _look(self) -> _Look:
         """Look at the motion, once, when something is asked about it: a run asks the planner instead."""
-        positions = checks.SampleCheck(self.robot)
         if self.part is None:
-            return _Look((), None, positions)
-        windows = positions.looking(shifted(sampled(self.part), self.from_ms / 1000))
+            return _Look((), None)
+        windows = shifted(sampled(self.part), self.from_ms / 1000)
         try:
-            return _Look(step_peaks(self.robot, self.part, self.from_ms, windows), None, positions)
+            return _Look(step_peaks(self.robot, self.part, self.from_ms, windows), None)
         except TooFastError as error:
-            return _Look((), error, positions)
+            return _Look((), error)
 
     def check_speed(self) -> None:
         """Raise TooFastError if the step is too fast."""

@@ -2,8 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from math import ceil
 from typing import Final
+
+import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
@@ -135,23 +138,25 @@ class FlowingLegs:
         return ChainDrives(self.drives, not held_by or composer.is_on(held_by), changes)
 
     def _take(self, part: TimedChain, composer: Composer, *, stops: bool) -> list[LegTime]:
-        """Add a part from rest to rest; return the time of each of its legs."""
+        """Add a part from rest to rest, at whose end it stops or not need be; return the time of each of its legs."""
         begins_s, law, motion, times = composer.now_s, part.timed.law, part.timed.motion, list[LegTime]()
         composer.take(motion)
-        starts = [0.0, *(corner.s for corner in part.corners)]
-        edges_s = [*(round(law.time_at(s), 3) for s in starts), motion.duration_s]
-        passes = [*(corner.passes_mm for corner in part.corners), None]
-        for i, (from_s, until_s, passed) in enumerate(zip(edges_s, edges_s[1:], passes, strict=False)):
+        flow = part.flow
+        passes_s = np.round(law.times_at(np.array([corner.s for corner in flow.corners])), 3).tolist()
+        edges_s = [0.0, *passes_s, motion.duration_s]
+        for i, (from_s, until_s) in enumerate(pairwise(edges_s)):
             leg, outputs = self.legs[part.first + i], self.outputs[part.first + i]
-            places = [starts[i] + each.place_mm(leg.length) for each in outputs]
-            changes = switch_on_way(composer, outputs, [law.time_at(s) for s in places], begins_s)
+            there_s = [law.time_at(flow.s_of(i, each.place_mm(leg.length))) for each in outputs]
+            changes = switch_on_way(composer, outputs, there_s, begins_s)
             own = TimeSpan(motion, from_s, until_s)
-            at_end = passed is None and stops
+            corner = flow.corners[i] if i < len(flow.corners) else None
+            passed = None if corner is None or corner.stops else corner.passes_mm
+            at_end = stops if corner is None else corner.stops
             way: BranchesOnWay = ("", ())
             if isinstance(leg, ToolLeg):
-                others = ((begins_s + law.time_at(starts[i] + mm), name) for mm, name in leg.followed.changes)
+                others = ((begins_s + law.time_at(flow.s_of(i, mm)), name) for mm, name in leg.followed.changes)
                 way = leg.followed.branch, tuple(others)
-            answer = part.timed.drives if passed is None else None
+            answer = part.timed.drives if corner is None else None
             times.append(LegTime(begins_s + from_s, begins_s + until_s, own, way, passed, at_end, changes, answer))
         return times
 

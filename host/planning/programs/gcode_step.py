@@ -1,8 +1,9 @@
 """A step that leads the tool as a file of G-code says."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -13,7 +14,18 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.planning_time import check_planning_time, planning_step
 from steptwin.host.common.tables import Table
 from steptwin.host.planning import checks
-from steptwin.host.planning.fastest import AVERAGE_S, ContourPath, FollowedPath, UntimedError, timed
+from steptwin.host.planning.fastest import (
+    AVERAGE_S,
+    Contour,
+    ContourPath,
+    FollowedPath,
+    StoppingPath,
+    TimedPath,
+    UntimedError,
+    doubtful,
+    timed,
+    worthwhile,
+)
 from steptwin.host.planning.gcode import (
     CutMove,
     CutRun,
@@ -37,8 +49,10 @@ from steptwin.host.planning.programs.paces import SPEED_PERCENT, JointPace, LawN
 from steptwin.host.planning.programs.pallets import STATION_FRAME, WorkFrame
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.poses import SCARA
+from steptwin.host.robots.robot import Robot
 
 if TYPE_CHECKING:
+    from steptwin.host.planning.fastest.contour import Contour
     from steptwin.host.planning.programs.names import Names
 
 GCODE_KEYS: Final = ("frame", "tool_mm", "feed_max_mm_s", "blend_mm", "speed_percent", "outputs")
@@ -226,46 +240,105 @@ class _Cutting:
         """Make the moves that wait, without a stop but where corners need it."""
         if not self._waiting:
             return
-        runs = cut_runs(self._waiting, self._placing, self._step.blend_mm)
-        self._paths += len(runs)
-        self._stops += len(runs) - 1
-        self._corners += sum(int(np.sum(run.contour.roundings)) for run in runs)
-        for run in runs:
+        for run in cut_runs(self._waiting, self._placing, self._step.blend_mm):
             self._take(run)
         self._waiting.clear()
 
     def _take(self, run: CutRun) -> None:
-        composer, contour = self._moves.composer, run.contour
-        np.minimum(contour.speeds_mm_s, self._step.feed_max_mm_s, out=contour.speeds_mm_s)
-
-        def where(at_mm: float) -> str:
-            return f"line {contour.lines[contour.place_of(np.array([at_mm]))[0][0]]}:"
-
-        branch = present_branch(self._robot, composer.joints)
-        followed = FollowedPath.along(self._robot, contour, branch, composer.joints, where)
-        self._check_range(followed, where)
-        from_ms, begins_s = round(1000 * composer.now_s), composer.now_s
-        path = ContourPath(self._robot, contour, followed)
-        try:
-            with planning_step(f"{self._step.file}: {where(0.0)} a path of {len(contour.lengths_mm)} pieces"):
-                made = timed(self._robot, path, AVERAGE_S, from_ms)
-        except UntimedError as error:
-            raise InputError(f"{where(error.s)} {error}") from error
+        composer = self._moves.composer
+        way = _Way.of(self._robot, composer.joints, self._step, run)
+        self._check_range(way)
+        begins_s = composer.now_s
+        with planning_step(f"{self._step.file}: {way.where(0.0)} a path of {len(run.contour.lengths_mm)} pieces"):
+            way, made = way.fastest(round(1000 * begins_s))
+        run, stops = way.run, len(way.run.stops)
+        self._paths, self._stops = self._paths + 1 + stops, self._stops + stops
+        self._corners += int(run.contour.roundings.sum())
         composer.take(made.motion)
-        for move, begin_mm in zip(run.moves, run.begins_mm.tolist(), strict=True):
-            if move.changes:
-                changes = [OnTheWay(self._step.outputs[key], on, 0.0) for key, on in move.changes]
-                time_s = made.law.time_at(begin_mm) if begin_mm else 0.0
-                switch_on_way(composer, changes, [time_s] * len(changes), begins_s)
+        changing = [i for i, move in enumerate(run.moves) if move.changes]
+        times_s = made.law.times_at(run.begins_mm[changing])
+        for i, time_s in zip(changing, times_s.tolist(), strict=True):
+            changes = [OnTheWay(self._step.outputs[key], on, 0.0) for key, on in run.moves[i].changes]
+            switch_on_way(composer, changes, [time_s if i else 0.0] * len(changes), begins_s)
 
-    def _check_range(self, followed: FollowedPath, where: Callable[[float], str]) -> None:
-        """Raise InputError, with the line, for the first place where a joint leaves its range."""
+    def _check_range(self, way: "_Way") -> None:
+        """Raise InputError for the first line on which a joint leaves its range, with how far it would go there."""
+        at_mm = way.path.followed.guide_mm
         for i, joint in enumerate(self._robot.joints):
-            column = followed.guides[:, i]
+            column = way.path.followed.guides[:, i]
             outside = np.flatnonzero((column < joint.lower - NO_WAY) | (column > joint.upper + NO_WAY))
             if len(outside):
-                with prefixed(f"{where(float(followed.guide_mm[outside[0]]))} "):
-                    checks.check_within(joint, float(column[outside[0]]))
+                line, end_mm = _line_at(way.run.contour, float(at_mm[outside[0]]))
+                of_line = outside[at_mm[outside] <= end_mm]
+                reached = np.append(column[of_line], np.interp(end_mm, at_mm, column))
+                beyond = np.maximum(joint.lower - reached, reached - joint.upper)
+                with prefixed(f"line {line}: "):
+                    checks.check_within(joint, float(reached[np.argmax(beyond)]))
+
+
+def _line_at(contour: Contour, at_mm: float) -> tuple[int, float]:
+    """Return the line of a place on a path, and the length at which the line's pieces end."""
+    piece = int(contour.place_of(np.array([at_mm]))[0][0])
+    line = contour.lines[piece]
+    while piece + 1 < len(contour.lines) and contour.lines[piece + 1] == line:
+        piece += 1
+    return int(line), float(contour.starts_mm[piece] + contour.lengths_mm[piece])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Way:
+    """A run of a file with the joints that follow it, from joints of shape (joints,) on."""
+
+    robot: Robot
+    start: FloatArray
+    step: GcodeStep
+    run: CutRun
+    path: ContourPath
+
+    @classmethod
+    def of(cls, robot: Robot, start: FloatArray, step: GcodeStep, run: CutRun) -> "_Way":
+        contour = run.contour
+        np.minimum(contour.speeds_mm_s, step.feed_max_mm_s, out=contour.speeds_mm_s)
+        branch = present_branch(robot, start)
+        followed = FollowedPath.along(robot, contour, branch, start, partial(_where, contour))
+        return cls(robot, start, step, run, ContourPath(robot, contour, followed))
+
+    def where(self, at_mm: float) -> str:
+        """Return the line that makes a place, in words."""
+        return _where(self.run.contour, at_mm)
+
+    def fastest(self, from_ms: int) -> tuple["_Way", TimedPath]:
+        """Return the way with the stops that make it faster, and its motion, which begins at a time of the program."""
+        run = self.run
+        corners = doubtful(self.robot, self.path, run.begins_mm[1:], run.radii_mm, AVERAGE_S)
+        if not corners:
+            return self, self.timed(from_ms)
+
+        def stop_in(corners: Sequence[int]) -> StoppingPath:
+            way = self._stopping_in(corners)
+            return StoppingPath(way.path, way.run.stops_mm, AVERAGE_S)
+
+        stops, apart_s = worthwhile(self.robot, corners, stop_in)
+        way = self._stopping_in(stops)
+        made = way.timed(from_ms)
+        if made.law.duration_s <= apart_s or stops == corners:
+            return way, made
+        apart = self._stopping_in(corners)
+        return min((way, made), (apart, apart.timed(from_ms)), key=lambda found: found[1].law.duration_s)
+
+    def timed(self, from_ms: int) -> TimedPath:
+        """Return its motion; raise InputError, with the line, if there is none."""
+        try:
+            return timed(self.robot, self.path, AVERAGE_S, from_ms, stops=self.run.stops_mm)
+        except UntimedError as error:
+            raise InputError(f"{self.where(error.s)} {error}") from error
+
+    def _stopping_in(self, corners: Sequence[int]) -> "_Way":
+        return _Way.of(self.robot, self.start, self.step, self.run.stopping_in(corners)) if corners else self
+
+
+def _where(contour: Contour, at_mm: float) -> str:
+    return f"line {contour.lines[contour.place_of(np.array([at_mm]))[0][0]]}:"
 
 
 def _many(count: int, what: str) -> str:

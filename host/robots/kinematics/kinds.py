@@ -67,6 +67,18 @@ def kind_named(name: str) -> Kind:
     return KINDS[name]
 
 
+_KEPT: Final = 8
+"""Number of robots whose kinematics are kept: planning asks for those of one again and again."""
+_made: dict[int, tuple[Robot, Kinematics]] = {}
+"""The kinematics that were made last, by the identity of the robot, which is kept beside them and so keeps it."""
+
+
 def make_kinematics(robot: Robot) -> Kinematics:
     """Return a robot's kinematics; raise InputError, with the key, if kind, dimensions or joints do not fit."""
-    return kind_named(robot.kinematics).make(robot).on(robot.base)
+    made = _made.get(id(robot))
+    if made is None:
+        made = robot, kind_named(robot.kinematics).make(robot).on(robot.base)
+        if len(_made) >= _KEPT:
+            _made.clear()
+        _made[id(robot)] = made
+    return made[1]

@@ -15,7 +15,6 @@ from steptwin.host.twin.machine.boards import crystals_document
 from steptwin.host.twin.motors.after_run import RotorTrace
 from steptwin.host.verify import Comparison, Report, RotorSlip
 from steptwin.protocol.frame import Frame
-from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,13 +89,7 @@ class Outcome:
         """The rotors that have slipped; none without motors."""
         if self.rotors is None:
             return ()
-        start_counts, lost = self.comparison.evidence.start_counts, self.rotors.lost_full_steps[-1].tolist()
-        slipped = zip(self.plan.robot.axis_names, self.rotors.first_slip_counts, lost, strict=True)
-        return tuple(
-            RotorSlip(name, (counts - start_counts) / COUNTS_PER_SECOND, steps)
-            for name, counts, steps in slipped
-            if counts is not None
-        )
+        return self.rotors.slips(self.plan.robot.axis_names, self.comparison.evidence.start_counts)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the document that `steptwin run --json` prints."""

@@ -12,7 +12,8 @@ from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.motors.drives import power_supply
 from steptwin.host.twin.motors.driving import Driving, Progress
-from steptwin.protocol.timer import COUNTS_PER_MS
+from steptwin.host.verify import RotorSlip
+from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
 _CHUNK_MS: Final = 250
 """Time between two reports of progress."""
@@ -45,6 +46,15 @@ class RotorTrace:
     energies: Energies
     supply_span_v: tuple[float, float]
     other_payloads_kg: tuple[float, ...] = ()
+
+    def slips(self, names: Sequence[str], start_counts: int) -> tuple[RotorSlip, ...]:
+        """Return the axes, by their names, whose rotors have slipped, with the time since a motion's start."""
+        slipped = zip(names, self.first_slip_counts, self.lost_full_steps[-1].tolist(), strict=True)
+        return tuple(
+            RotorSlip(name, (counts - start_counts) / COUNTS_PER_SECOND, steps)
+            for name, counts, steps in slipped
+            if counts is not None
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -95,6 +95,7 @@ def test_golden_pulses(pp: ProfileBench, end_velocity: int) -> None:
     golden_pulses(pp, end_velocity)
 
 
+@pytest.mark.slow
 def test_golden_pulses_of_every_kernel(kernel: Kernel) -> None:
     golden_pulses(ProfileBench(kernel, Mode.PROFILE_POSITION), 4000)
 

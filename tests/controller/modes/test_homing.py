@@ -390,6 +390,7 @@ class TestErrors:
         bench.begin(20)
         assert (bench.bits, bench.error, bench.rises) == ((1, 0, 1), HomingError.NO_SPEED, [])
 
+    @pytest.mark.slow
     def test_a_new_start_ends_the_error(self, fast_kernel: Kernel) -> None:
         bench = bench_for(fast_kernel, 20, 0, HOME=lambda _: False)
         self.failed(bench, 20, HomingError.NOT_FOUND)

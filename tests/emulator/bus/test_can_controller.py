@@ -269,6 +269,7 @@ def test_error_passive_is_reported(fast_kernel: Kernel) -> None:
         assert emergencies(simulation, node) == [payload(ErrorCode.CAN_ERROR_PASSIVE), payload(ErrorCode.NONE)]
 
 
+@pytest.mark.slow
 def test_the_way_back_from_bus_off_is_reported(fast_kernel: Kernel) -> None:
     """After it the first frame to pass is the first node's EMCY; with it the error is over."""
     simulation = simulation_with(fast_kernel)

@@ -122,6 +122,7 @@ class TestFastTpdos:
         wait(flooded.simulation, 50)
         return flooded
 
+    @pytest.mark.slow
     def test_the_queue_is_bounded_and_every_loss_is_counted(self, overloaded: Flooded) -> None:
         def fate() -> int:
             sent = sum(frame.cob_id & 0x780 in COB_TPDO for frame in overloaded.bus.log_frames)
@@ -135,6 +136,7 @@ class TestFastTpdos:
         assert fate() - before == pytest.approx(300 * AXES * len(COB_TPDO), abs=AXES * len(COB_TPDO))
         assert all(overloaded.value(od.FRAMES_LOST, axis) > 0 for axis in range(AXES))
 
+    @pytest.mark.slow
     def test_sdo_is_answered(self, overloaded: Flooded) -> None:
         for _ in range(5):
             frames = overloaded.answer_frames(lambda: wait(overloaded.simulation, 1))
@@ -184,6 +186,7 @@ def test_a_flood_of_syncs(flooded: Flooded) -> None:
     assert flooded.emergencies() == [OVERRUN]
 
 
+@pytest.mark.slow
 def test_a_flood_of_resets(flooded: Flooded) -> None:
     """NMT has the best identifier of all: boot-up messages cannot be sent before the last reset."""
     for _ in range(20):
@@ -217,6 +220,7 @@ class TestEmergencies:
             for data in (b"", bytes(4)):
                 flooded.simulation.send(Frame(COB_RPDO[2] + FIRST_NODE_ID, data))
 
+    @pytest.mark.slow
     def test_the_queue_is_bounded_and_no_fault_goes_unsignalled(self, errors: Flooded) -> None:
         for node in NODES:
             for word in (6, 7):

@@ -70,6 +70,7 @@ def test_a_fault_output_that_is_wired_stops_the_axis(fast_kernel: Kernel, driver
     assert machine.rules == [Rule.OVER_CURRENT]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("driver", "wired"), [("drv8825", False), ("a4988", False), ("dm542", False)])
 def test_without_it_nothing_tells(fast_kernel: Kernel, driver: str, wired: bool) -> None:
     machine = Machine(fast_kernel, driver, wired=wired)

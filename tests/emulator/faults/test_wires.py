@@ -72,9 +72,9 @@ NOISES = st.builds(
 
 def passed(turns: Turns, noise: dict[Wire, Noise], cuts: list[int]) -> list[TerminalEdges]:
     """What a driver is told, stretch by stretch."""
-    wires = AxisWires(ActiveEdge.RISING, enable_open=0, dir_level=0, enable_level=0)
-    told = [wires.change(wire, condition, 0).told for wire, condition in noise.items()]
-    told += [wires.take(pins(turns, *stretch)).told for stretch in pairwise([0, *cuts, END])]
+    wires = AxisWires(ActiveEdge.RISING, enable_open=0, step_level=0, dir_level=0, enable_level=0)
+    told = [wires.change(wire, condition, 0) for wire, condition in noise.items()]
+    told += [wires.take(pins(turns, *stretch)) for stretch in pairwise([0, *cuts, END])]
     assert wires.lost_steps == signed(turns) - sum(
         2 * int(levels(dir_turns(told))[rise]) - 1 for each in told for rise in each.clk_rise_counts
     )

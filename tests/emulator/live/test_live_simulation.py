@@ -324,6 +324,7 @@ def test_one_outlier_is_the_maximum_and_no_more() -> None:
     assert 1000 <= lateness.percentile_ns(99) <= 1000 * 17 / 16
 
 
+@pytest.mark.slow
 @given(st.lists(st.integers(0, 10**12), min_size=1), st.integers(1, 100))
 def test_a_percentile_is_at_most_a_sixteenth_too_large(values_ns: list[int], percent: int) -> None:
     exact = sorted(values_ns)[-(-percent * len(values_ns) // 100) - 1]
@@ -337,5 +338,6 @@ def test_it_does_not_grow_with_their_number(count: int) -> None:
     assert len(lateness._counts) == 1  # noqa: SLF001
 
 
+@pytest.mark.slow
 def test_some_lateness_changes_nothing() -> None:
     one_example(test_lateness_changes_nothing, [MS_NS] * 14, [10 * MS_NS, 11 * MS_NS, 90 * MS_NS])

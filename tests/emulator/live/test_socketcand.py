@@ -376,6 +376,7 @@ def test_one_that_does_not_read_is_disconnected_and_no_one_else() -> None:
             client.expect(TYPE[4:].encode())
 
 
+@pytest.mark.slow
 def test_passed_frames_are_not_kept_in_memory() -> None:
     """Neither the bus nor the server keeps them."""
     with LiveRig(speed=50) as rig:

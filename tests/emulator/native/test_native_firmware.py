@@ -4,6 +4,7 @@ import shutil
 import struct
 import subprocess
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import count
 from pathlib import Path
 
@@ -24,7 +25,12 @@ from tests.messages import refusing
 GCC = shutil.which("gcc") or shutil.which("cc")
 pytestmark = pytest.mark.skipif(GCC is None, reason="no C compiler is installed")
 
-ROBOT = load_robot("teaching-scara")
+FILED = load_robot("teaching-scara")
+ROBOT = replace(
+    FILED,
+    joints=tuple(replace(joint, transmission=replace(joint.transmission, microsteps=16)) for joint in FILED.joints),
+)
+"""The teaching robot with the microsteps that the example sets at every driver."""
 NODES = range(0x10, 0x14)
 SET_POINT_MS = 5
 QUEUED = 4

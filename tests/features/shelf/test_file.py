@@ -41,6 +41,7 @@ def test_what_is_written_is_read(store_run: Path) -> None:
         assert read(json_table(json.dumps(stored(shelf, expected)))) == (shelf, expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("alter", "words"),
     [

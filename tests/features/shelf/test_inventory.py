@@ -119,6 +119,7 @@ def test_errands_that_cannot_be_done(
 NAMES = st.text(min_size=1, max_size=64).filter(str.isprintable)
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(st.dictionaries(st.sampled_from(list(SHELF.slots)), NAMES), st.sets(st.sampled_from(list(SHELF.slots))))
 def test_what_is_written_is_read(

@@ -115,6 +115,7 @@ def test_the_hand_over_is_not_a_slot() -> None:
         job("store", slot="hand-over")
 
 
+@pytest.mark.slow
 def test_every_slot_is_filled_and_emptied_in_turn() -> None:
     trajectory = job("every-slot", pick_up="pick-up", output="output")
     switched = [(s.output, s.on) for s in trajectory.switchings]

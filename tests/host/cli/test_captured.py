@@ -32,6 +32,7 @@ def told(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str
     return code, out, err
 
 
+@pytest.mark.slow
 def test_a_capture_is_verified_and_its_folder_again(carry: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = carry / "seen"
     words = ["verify", "--capture", str(carry / "a.sr"), *MAPS, "--plan", str(carry / "carry"), "--out", str(out)]

@@ -92,6 +92,7 @@ def test_steps_that_are_too_fast_are_told_with_the_stretch_that_does(
     assert advice.endswith("; --stretch auto finds it")
 
 
+@pytest.mark.slow
 def test_a_program_that_is_too_fast_does_not_run(program: Path, capsys: pytest.CaptureFixture[str]) -> None:
     program.write_text(FAST, encoding="utf-8")
     first = f"{program}: step 1 (go to th1 60): th1: a speed of "

@@ -145,11 +145,13 @@ def test_a_right_file_says_what_it_amounts_to(arm: Path, capsys: pytest.CaptureF
     assert f"{document['reach']['area_mm2'] / 100:.0f} cm2; z = -100.0..-40.0 mm" in out
 
 
+@pytest.mark.slow
 def test_coupled_axes_have_their_equations(arm: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arm.write_text(coupled_text("th2 = { th1 = 1.0 }\nd3 = { th4 = -0.05 }"), encoding="utf-8")
     assert run_json(capsys, "check", str(arm))["coupling"] == ["axis th2 = th2 + th1", "axis d3 = d3 - 0.05 th4"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changed", "asked"),
     [

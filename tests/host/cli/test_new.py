@@ -344,3 +344,16 @@ def test_belts_that_cannot_be(
     assert run(["new", str(file), "--kind", "cartesian", *(word for each in settings for word in ("--set", each))]) == 2
     assert told in capsys.readouterr().err
     assert not file.exists()
+
+
+def test_a_motor_that_is_given_is_no_comment(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "arm.toml"
+    assert run(["new", str(file), "--kind", "scara", "--set", "th1.motor=23HS22-2804S"]) == 0
+    lines = file.read_text(encoding="utf-8").splitlines()
+    at = lines.index("[joints.th1.motor]")
+    assert lines[at + 1].startswith('model = "23HS22-2804S"')
+    assert lines[at + 2].startswith("friction_nm = 0.01 ")
+    assert "# [joints.th2.motor]" in lines
+    motors = {joint.name: joint.motor and joint.motor.model for joint in load_robot_file(file).joints}
+    assert motors == {"th1": "23HS22-2804S", "th2": None, "d3": None, "th4": None}
+    refusal(capsys, "new", str(file), "--kind", "scara", "--replace", "--set", "th1.motor=23HS22")

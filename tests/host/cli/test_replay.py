@@ -18,6 +18,7 @@ def other(carry_run: Path, tmp_path: Path) -> Path:
     return log
 
 
+@pytest.mark.slow
 def test_the_folder_of_a_run(carry_run: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """Robot, start and edges are those of the folder; so they are beside its bus log."""
     capsys.readouterr()
@@ -49,6 +50,7 @@ def test_a_computers_log(carry_run: Path, other: Path, capsys: pytest.CaptureFix
     ]
 
 
+@pytest.mark.slow
 def test_without_the_run_the_machine_stands_where_it_is_said(other: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Its home is the job's start here; a board that had stored its settings says its robot's name when asked."""
     words = ("replay", str(other), "teaching-scara", "--new-board")
@@ -60,6 +62,7 @@ def test_without_the_run_the_machine_stands_where_it_is_said(other: Path, capsys
     assert elsewhere["equal"]  # a board without memory of its position does not know where it stands
 
 
+@pytest.mark.slow
 def test_a_recording_that_was_cut_and_one_that_differs(
     carry_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -10,6 +10,7 @@ from steptwin.host.robots import load_robot
 STEP = "[[step]]\ngo = { th1 = 1.0 }\nduration_s = 0.5\n"
 
 
+@pytest.mark.slow
 def test_a_program_that_names_its_robot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "arm.toml").write_text(load_robot("teaching-scara").toml)
     for number, robot in enumerate(("teaching-scara", "arm.toml")):

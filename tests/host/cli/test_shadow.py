@@ -63,6 +63,7 @@ def test_nothing_differs(
     assert capsys.readouterr().out.endswith(" frames of the board: the board does what its twin does\n")
 
 
+@pytest.mark.slow
 def test_nothing_differs_as_json(
     estopped: tuple[Heard, int], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -76,6 +77,7 @@ def test_nothing_differs_as_json(
     assert told.err == "joined: the twin goes along with the machine\n"  # once, at the boot-up
 
 
+@pytest.mark.slow
 def test_each_discrepancy_is_a_line(
     estopped: tuple[Heard, int], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -87,6 +89,7 @@ def test_each_discrepancy_is_a_line(
     assert last["discrepancies"] == len(lines) == 8
 
 
+@pytest.mark.slow
 def test_until_the_first_one(
     estopped: tuple[Heard, int], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

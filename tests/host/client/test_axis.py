@@ -85,6 +85,7 @@ def test_unknown_error_codes() -> None:
     assert error_text(0x1234) == "unknown error"
 
 
+@pytest.mark.slow
 def test_remote_frames_do_not_exist_here(board: EmbeddedBoard) -> None:
     with refusing(ValueError):
         board.network.send_message(0x181, b"", remote=True)

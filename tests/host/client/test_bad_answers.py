@@ -78,6 +78,7 @@ def test_a_string_without_end(board: EmbeddedBoard, axis: AxisClient, monkeypatc
     assert len(asked) == 5 * (1 + SEGMENTS_MAX)
 
 
+@pytest.mark.slow
 @given(st.lists(st.binary(max_size=8), min_size=1, max_size=8))
 @settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_answers(board: EmbeddedBoard, axis: AxisClient, said: list[bytes]) -> None:

@@ -112,6 +112,7 @@ def test_one_by_one_the_others_stand(fast_kernel: Kernel) -> None:
     assert moved == [False, False, True, False, False, False]
 
 
+@pytest.mark.slow
 def test_a_homed_axis_goes_where_it_is_sent(fast_kernel: Kernel) -> None:
     """A profile move to 100 mm ends at 100 mm of the machine."""
     board, machine = machine_of(WAREHOUSE, list(WAREHOUSE.home), fast_kernel)
@@ -131,12 +132,14 @@ def without_home_switch() -> Robot:
 
 
 class TestFailures:
+    @pytest.mark.slow
     def test_a_switch_that_is_not_there(self, fast_kernel: Kernel) -> None:
         _, machine = machine_of(without_home_switch(), list(WAREHOUSE.home), fast_kernel)
         with refusing(DeviceFaultError):
             machine.home_axes(how(WAREHOUSE, "th3"))
         assert machine.axes[TH3].error_codes == [ErrorCode.HOMING_FAILED]
 
+    @pytest.mark.slow
     def test_one_that_fails_stops_the_others(self, fast_kernel: Kernel) -> None:
         """th3 fails early, while sx is still searching."""
         board, machine = machine_of(without_home_switch(), [500.0, *WAREHOUSE.home[1:5], 185.0], fast_kernel)

@@ -94,6 +94,7 @@ def test_a_master_changes_the_bit_rate_and_follows(network: EmbeddedNetwork, sim
     assert node402(network, 0x12).sdo[0x1018][4].raw == 0x12
 
 
+@pytest.mark.slow
 def test_a_master_with_the_old_bit_rate_reaches_nobody(network: EmbeddedNetwork, simulation: Simulation) -> None:
     network.lss.send_switch_state_global(network.lss.CONFIGURATION_STATE)  # type: ignore[no-untyped-call]
     network.lss.configure_bit_timing(4)  # type: ignore[no-untyped-call]

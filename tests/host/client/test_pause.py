@@ -37,6 +37,7 @@ def controlwords(board: EmbeddedBoard, axis: int) -> list[Frame]:
     return frames_to(board, 0x210 + axis)
 
 
+@pytest.mark.slow
 def test_it_rests_and_goes_on_to_its_end(board: EmbeddedBoard, machine: Machine) -> None:
     """From 4 kHz at 9766 steps/s^2 the ramp takes 0.41 s."""
     run = machine.start(StreamedMotion(travelling(101), [0] * AXES))
@@ -102,6 +103,7 @@ def test_without_a_trajectory_there_is_nothing_to_halt(
     assert [controlwords(board, axis) for axis in range(AXES)] == [[]] * AXES
 
 
+@pytest.mark.slow
 def test_another_host_may_do_it(board: EmbeddedBoard, machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
     """The other host sends no SDO request, and the host that streams waits for any length of time."""
     other = Machine(Neighbour(board, monkeypatch, machine.wait), ROBOT.joint_names)
@@ -130,6 +132,7 @@ def test_another_host_hears_of_a_fault(board: EmbeddedBoard, machine: Machine, m
         pause_trajectory(other)
 
 
+@pytest.mark.slow
 def test_the_halt_bit_of_one_axis_is_enough(machine: Machine) -> None:
     """One axis' halt bit halts the group, and `resume_trajectory` clears it."""
     run = machine.start(StreamedMotion(travelling(101), [0] * AXES))
@@ -178,6 +181,7 @@ def test_a_fault_ends_the_waiting(board: EmbeddedBoard, machine: Machine) -> Non
     machine.wait(0.1)  # a failed stream is tended no more
 
 
+@pytest.mark.slow
 def test_an_output_waits_for_the_trajectory(board: EmbeddedBoard, machine: Machine) -> None:
     """The machine is halted at the output's time, before the host knows that this time has come."""
     th3 = machine.axes[TH3]

@@ -12,6 +12,7 @@ from tests.messages import refusing
 I24 = st.integers(I24_MIN, I24_MAX)
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(I24, I24, st.integers(0, 255)), max_size=5), st.integers(0, 10_000))
 def test_they_are_those_of_each_record(fields: list[tuple[int, int, int]], first: int) -> None:
     records = (

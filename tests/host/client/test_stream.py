@@ -56,6 +56,7 @@ def test_short_segments_do_not_starve(fast_kernel: Kernel, point_ms: int) -> Non
     assert outcome.report.passed, outcome.report.reasons
 
 
+@pytest.mark.slow
 def test_status_reports_follow_the_shortest_segment(board: EmbeddedBoard) -> None:
     """Short segments shorten the nodes' event timer, longer ones restore it, and long ones leave it alone."""
     machine = ready(board)
@@ -126,6 +127,7 @@ def set_heartbeats(machine: Machine, period_ms: int) -> None:
         axis.write(od.PRODUCER_HEARTBEAT_TIME, period_ms)
 
 
+@pytest.mark.slow
 def test_a_bus_that_the_nodes_fill_is_a_bus_error(fast_kernel: Kernel) -> None:
     slow = replace(ROBOT, board=replace(ROBOT.board, bitrate=125_000))
     machine = connected(EmbeddedBoard(slow, fast_kernel, MachineOptions(stand_at=START)))

@@ -135,6 +135,7 @@ def test_one_sync_sets_all_axes_of_both_boards_going(
     assert len(rises) == 1
 
 
+@pytest.mark.slow
 def test_process_data_of_all_axes_arrive(simulation: Simulation, nodes: list[Node402]) -> None:
     """TPDO3 comes every 100 ms and reports the free places of each queue."""
     arrived: dict[int, list[int]] = {node.id: [] for node in nodes}

@@ -89,6 +89,7 @@ def test_an_input_that_has_its_level_costs_only_the_lead(board: EmbeddedBoard, m
     assert machine.positions_units() == DONE_UNITS
 
 
+@pytest.mark.slow
 def test_a_level_that_has_gone_before_the_machine_comes_does_not_count(board: EmbeddedBoard, machine: Machine) -> None:
     run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4),)))
     set_part(board, on=True)
@@ -124,6 +125,7 @@ def test_waits_for_both_levels_one_after_the_other(board: EmbeddedBoard, machine
     assert len(machine.holds_ms) == 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("begins_s", [0.0, 0.1, 0.24, 0.26])
 @pytest.mark.parametrize("on_after_s", [0.0, 0.2, 1.0, None])
 def test_an_early_wait_holds_as_long_as_it_must(
@@ -162,6 +164,7 @@ def test_the_next_wait_may_come_at_once(board: EmbeddedBoard, machine: Machine) 
     assert [held_ms / 1000 for held_ms in machine.holds_ms] == pytest.approx([1.05, 0.79, 0.79], abs=0.04)
 
 
+@pytest.mark.slow
 @on_sources_only
 @pytest.mark.parametrize("lost", [TH3, TH1])
 def test_a_time_out_is_named_though_its_last_records_are_lost(
@@ -210,6 +213,7 @@ def test_the_time_out_stands_while_the_motion_is_halted(board: EmbeddedBoard, ma
     assert machine.positions_units() == DONE_UNITS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("late_ms", "passes"), [(LEAD_MS - 30, True), (LEAD_MS + 60, False)])
 def test_a_host_may_be_late_by_the_lead(board: EmbeddedBoard, machine: Machine, late_ms: int, passes: bool) -> None:
     """Beyond it the queues run dry at rest, which is said, and nothing moves."""

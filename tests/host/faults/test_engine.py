@@ -11,6 +11,7 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 from tests.host.faults.short_runs import carry, played
 
 
+@pytest.mark.slow
 def test_a_run_with_a_scenario_that_does_nothing_has_the_same_bytes(fast_kernel: Kernel) -> None:
     """A sensor that is off already is switched off: the engine itself leaves no trace."""
     plain = execute(carry(), "carry", fast_kernel)
@@ -55,6 +56,7 @@ def test_a_fault_that_never_struck_fails_the_run(fast_kernel: Kernel, trigger: s
     assert line.startswith(f"1 estop: never struck: {reason}")
 
 
+@pytest.mark.slow
 def test_instants_of_triggers(fast_kernel: Kernel) -> None:
     outcome, scenario = played(
         fast_kernel,
@@ -135,6 +137,7 @@ def test_faults_of_one_place_may_overlap(
     assert done == expected
 
 
+@pytest.mark.slow
 def test_a_host_that_hangs_for_a_time_goes_on(fast_kernel: Kernel) -> None:
     """Before the motion, and after the machine has come to rest: the host then finds what has stopped it."""
     hang = '[[fault]]\ndo = "host"\nhow = "hang"\n'

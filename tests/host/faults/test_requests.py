@@ -372,6 +372,7 @@ def test_a_sensor_that_the_robots_file_does_not_know_is_told_by_its_place() -> N
     json.dumps(told)
 
 
+@pytest.mark.slow
 @given(HARMS)
 def test_a_harm_is_the_request_that_asks_for_it(harm: Harm) -> None:
     assert read_request(ROBOT, json.loads(json.dumps(request_of(ROBOT, harm)))) == harm

@@ -50,6 +50,7 @@ def test_verify_says_which_faults_a_run_had(tmp_path: Path, capsys: pytest.Captu
     assert document["faults"] == [{"name": "stop", "struck_s": 0.4}, {"name": "never", "struck_s": None}]
 
 
+@pytest.mark.slow
 def test_run_says_what_answered(tmp_path: Path, capsys: pytest.CaptureFixture[str], fast_kernel: Kernel) -> None:
     """A motion that is stopped as documented is a success of the scenario: exit code 0."""
     command = ["run", "teaching-scara", "carry", "--kernel", fast_kernel.name, "--faults"]

@@ -191,6 +191,7 @@ def test_homing_finds_the_joints(coupling: str, stand: list[float], together: bo
     assert parts[-1] == 1.0
 
 
+@pytest.mark.slow
 def test_exact_homing_of_a_whole_belt(fast_kernel: Kernel) -> None:
     """With belts of 1:1 and equal motors every edge is on a step, so the machine knows itself to the step."""
     board, session = machine(fast_kernel, known=False)

@@ -24,12 +24,14 @@ def test_homing_ends_at_home(steptwin: CommandLine, board: EmbeddedBoard) -> Non
     move(Session(board, ROBOT), HOME)
 
 
+@pytest.mark.slow
 def test_the_machine_may_stay_at_its_switches(steptwin: CommandLine) -> None:
     document = steptwin.json("home warehouse-scara --together --stay")
     assert all(axis["position_known"] for axis in document["axes"])
     assert [axis["position"] for axis in document["axes"]] != pytest.approx(HOME, abs=0.05)
 
 
+@pytest.mark.slow
 def test_one_joint_is_homed_and_the_others_stay(session: Session, board: EmbeddedBoard) -> None:
     move(session, [position + 5.0 for position in HOME])
     before = board.driver_positions()

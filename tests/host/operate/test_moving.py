@@ -24,6 +24,7 @@ from tests.messages import refusing
 GOAL = [400.0, 0.0, 120.0, 30.0, 40.0, -60.0]
 
 
+@pytest.mark.slow
 def test_it_arrives_within_a_step_as_the_drivers_count(board: EmbeddedBoard, session: Session) -> None:
     moved = move(session, GOAL)
     assert moved.start == pytest.approx(HOME, abs=1e-4)
@@ -33,6 +34,7 @@ def test_it_arrives_within_a_step_as_the_drivers_count(board: EmbeddedBoard, ses
     assert session.demanded_units() == session.units(GOAL)
 
 
+@pytest.mark.slow
 def test_all_axes_start_and_arrive_together(board: EmbeddedBoard, session: Session) -> None:
     """All axes start in one tick; rounding to whole milliseconds and slow last steps spread the arrivals by some ms."""
     begun_s = board.now_s()
@@ -65,6 +67,7 @@ def test_one_trapezoid_for_all() -> None:
     assert synchronised(ROBOT, start, goal, 50.0)[1] > planned_s
 
 
+@pytest.mark.slow
 def test_standing_there_already_moves_nothing(board: EmbeddedBoard, session: Session) -> None:
     move(session, GOAL)
     before = board.driver_positions()
@@ -99,6 +102,7 @@ def test_an_axis_of_unknown_position(board: EmbeddedBoard) -> None:
         move(Session(board, ROBOT), GOAL)
 
 
+@pytest.mark.slow
 def test_a_joint_moves_although_another_stands_outside_its_limits(board: EmbeddedBoard, steptwin: CommandLine) -> None:
     """As after a homing that was interrupted: homed axes stand at their switches, beyond the limits."""
     outside = [ROBOT.joints[0].lower - 5, *HOME[1:]]
@@ -123,6 +127,7 @@ def test_a_joint_moves_although_another_does_not_know_its_position(board: Embedd
     assert steptwin.run("move warehouse-scara --z 100")[0] == 3
 
 
+@pytest.mark.slow
 def test_it_is_stopped_by_another_program(
     board: EmbeddedBoard, session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -138,6 +143,7 @@ def test_it_is_stopped_by_another_program(
     move(session, GOAL)
 
 
+@pytest.mark.slow
 def test_ctrl_c_stops_all_axes(board: EmbeddedBoard, session: Session) -> None:
     def interrupt(fraction: float) -> None:
         if fraction > 0.5:
@@ -161,6 +167,7 @@ def test_a_fault_is_named(session: Session) -> None:
         move(session, GOAL)
 
 
+@pytest.mark.slow
 def test_another_program_moves_it(session: Session, board: EmbeddedBoard, monkeypatch: pytest.MonkeyPatch) -> None:
     other = Session(Neighbour(board, monkeypatch), ROBOT)
     seen: list[object] = []
@@ -184,6 +191,7 @@ def test_only_what_differs_is_written(board: EmbeddedBoard, session: Session) ->
     assert not [frame for _, frame in board.bus_log[begin:] if frame.cob_id == 0]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("session")
 def test_the_command(steptwin: CommandLine) -> None:
     document = steptwin.json("move warehouse-scara sx=50 th3=-10")
@@ -223,6 +231,7 @@ def test_bad_input(steptwin: CommandLine, arguments: str, message: str) -> None:
     assert err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_drives_that_are_off_are_switched_on(session: Session) -> None:
     session.machine.disable()
     move(session, GOAL)

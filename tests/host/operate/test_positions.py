@@ -110,6 +110,7 @@ def test_listing_and_deleting_need_no_board(capsys: pytest.CaptureFixture[str]) 
     assert read_positions(FILE, ROBOT) == {}
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("session")
 def test_positions_written_by_hand(steptwin: CommandLine, session: Session) -> None:
     """Of some joints, the others stay; of the tool, coordinates that are left out stay."""

@@ -52,6 +52,7 @@ def test_all_axes_stop_in_the_same_tick(
     assert not told
 
 
+@pytest.mark.slow
 def test_a_stop_holds_and_an_emergency_stop_lets_go(steptwin: CommandLine, session: Session) -> None:
     assert states(steptwin, "stop") == [("QUICK STOP ACTIVE", True)] * 6
     assert states(steptwin, "stop") == [("QUICK STOP ACTIVE", True)] * 6
@@ -82,6 +83,7 @@ def test_an_emergency_stop_lasts_until_the_reset(steptwin: CommandLine, session:
     move(session, GOAL)
 
 
+@pytest.mark.slow
 def test_an_emergency_stop_in_motion_keeps_the_position(
     board: EmbeddedBoard, session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -122,6 +124,7 @@ def test_a_reset_starts_nodes_that_another_master_has_stopped(steptwin: CommandL
     assert steptwin.run("status warehouse-scara")[0] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("harm", [WatchdogReset(), BrownOut(for_ms=30)])
 def test_a_board_that_restarts_in_motion_is_told(
     harm: WatchdogReset | BrownOut, board: EmbeddedBoard, session: Session, steptwin: CommandLine

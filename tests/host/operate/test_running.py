@@ -31,6 +31,7 @@ def pull() -> Plan:
     return plan(ROBOT, make_job(ROBOT, "pull-line", {"duration_s": "2", "ramp_s": "0.5"}))
 
 
+@pytest.mark.slow
 def test_it_ends_where_planned(board: EmbeddedBoard, session: Session, pull: Plan) -> None:
     heard: list[float] = []
     outcome = execute_live(session, pull, "pull-line", approach=True, progress=heard.append)
@@ -43,6 +44,7 @@ def test_it_ends_where_planned(board: EmbeddedBoard, session: Session, pull: Pla
     assert [state.state for state in axis_states(session)] == ["OPERATION ENABLED"] * 6
 
 
+@pytest.mark.slow
 def test_without_approach_the_machine_must_stand_at_the_start(session: Session, pull: Plan) -> None:
     move(session, [5.0, *ROBOT.home[1:]])
     with refusing(InputError):
@@ -51,6 +53,7 @@ def test_without_approach_the_machine_must_stand_at_the_start(session: Session, 
     assert execute_live(session, pull, "pull-line").passed
 
 
+@pytest.mark.slow
 def test_an_axis_that_ends_elsewhere_is_seen(session: Session, pull: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
     positions = session.machine.positions_units
     one_step = 16384 // ROBOT.joints[SX].transmission.microsteps
@@ -92,6 +95,7 @@ def test_a_stop_by_another_program_ends_it(
     assert execute_live(session, pull, "pull-line", approach=True).passed
 
 
+@pytest.mark.slow
 def test_another_program_may_read_the_status(
     board: EmbeddedBoard, session: Session, pull: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -118,6 +122,7 @@ def test_another_program_may_read_the_status(
     assert all(axis.moving and axis.supply_v is None and axis.queue and axis.queue.free < 64 for axis in status.axes)
 
 
+@pytest.mark.slow
 def test_a_run_after_a_reset_shows_no_error(session: Session, pull: Plan) -> None:
     """While a trajectory is streamed the reports alone say what the present error is: none, whatever was before."""
     emergency_stop(session)
@@ -266,6 +271,7 @@ def test_pause_and_resume_by_another_program(
     assert seen == [{"robot": "warehouse-scara", "halted": True}, {"robot": "warehouse-scara", "halted": False}]
 
 
+@pytest.mark.slow
 def test_an_approach_through_the_shelf_is_refused(board: EmbeddedBoard, session: Session) -> None:
     """From home to beyond the shelf the tool would drag along the drawers; the machine stays where it is."""
     beyond = Composer(ROBOT, np.array([1900.0, 0.0, 200.0, *ROBOT.home[3:]]))

@@ -51,6 +51,7 @@ def slip(board: BoardUnderTest, axis: int, full_steps: int) -> None:
     board.wait(0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("full_steps", [8, -8])
 def test_homing_squares_a_crooked_beam(full_steps: int, fast_kernel: Kernel) -> None:
     """8 full steps are 1.6 mm; both motors end a step beyond their own switch, and the beam is square to a step."""
@@ -65,6 +66,7 @@ def test_homing_squares_a_crooked_beam(full_steps: int, fast_kernel: Kernel) -> 
     assert told[1:] == pytest.approx([first, second], abs=STEP_MM + 1e-9)
 
 
+@pytest.mark.slow
 def test_a_switch_that_closes_elsewhere_is_told_by_the_offset(fast_kernel: Kernel) -> None:
     board, session = machine(fast_kernel, f"{SECOND}square_offset = 0.5\n")
     home_robot(session, joints=["Y"], stay=True)
@@ -74,6 +76,7 @@ def test_a_switch_that_closes_elsewhere_is_told_by_the_offset(fast_kernel: Kerne
     assert read_status(session).skews == pytest.approx({"Y2": 0.0}, abs=STEP_MM)
 
 
+@pytest.mark.slow
 def test_both_motors_set_off_in_one_tick(fast_kernel: Kernel) -> None:
     board, session = machine(fast_kernel)
     home_robot(session, joints=["Y"], stay=True)
@@ -82,6 +85,7 @@ def test_both_motors_set_off_in_one_tick(fast_kernel: Kernel) -> None:
     assert (first == second).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("skew_max", "holds"), [(1.55, False), (2.6, True)])
 def test_a_beam_more_crooked_than_allowed_is_not_homed(skew_max: float, holds: bool, fast_kernel: Kernel) -> None:
     """1.6 mm, and the millimetre in which the first motor brakes behind its switch: both sides of the limit."""
@@ -130,6 +134,7 @@ def preset_apart(session: Session, apart_mm: float) -> None:
         charge.enable().preset([*units[:2], units[2] + round(apart_mm * UNITS_PER_MM)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("apart_mm", "moves"), [(2.99, True), (3.01, False), (-3.01, False)])
 def test_counts_that_are_too_far_apart_hold_the_machine(apart_mm: float, moves: bool, fast_kernel: Kernel) -> None:
     board, session = machine(fast_kernel)
@@ -187,6 +192,7 @@ def test_both_motors_are_on_one_board() -> None:
     assert len(board_configs(robot, [0.0, 0.0], (1, 2))) == 2
 
 
+@pytest.mark.slow
 def test_positions_are_known_if_both_motors_are(fast_kernel: Kernel) -> None:
     _, session = machine(fast_kernel, known=False)
     assert [axis.position_known for axis in read_status(session).axes] == [False] * 3

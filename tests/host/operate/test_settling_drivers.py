@@ -73,6 +73,7 @@ def test_a_run_waits_for_the_drivers_that_its_file_names(name: str, fast_kernel:
     assert outcome.report.passed, outcome.report.reasons
 
 
+@pytest.mark.slow
 def test_drivers_that_are_slower_than_the_file_says_lose_steps(
     fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -106,6 +106,7 @@ def test_the_next_run_begins_as_planned(session: Session, pull: Plan) -> None:
     assert run_s(session, pull, lambda: None) == pytest.approx(4.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_more_than_the_motion_allows_is_refused_with_what_passes(session: Session, steptwin: CommandLine) -> None:
     goal = (*ROBOT.home[:3], ROBOT.home[3] + 30.0, *ROBOT.home[4:])
     fast = plan(ROBOT, JointMove(ROBOT.joint_names, ROBOT.home, goal, Cubic(1.0, 0.7)))
@@ -176,6 +177,7 @@ def test_axes_on_several_boards_keep_their_speed(fast_kernel: object, pull: Plan
     assert told == ["speed 50 %: the axes are on several boards, whose times would part; 100 % passes"]
 
 
+@pytest.mark.slow
 def test_a_program_that_knows_no_limits_may_only_be_slowed(session: Session, pull: Plan) -> None:
     """So is a step of the tool, whose speed has a limit of its own: it is streamed without a word of its peaks."""
     move(session, pull.start_joints)

@@ -75,6 +75,7 @@ def test_a_fault_is_the_exit_code(steptwin: CommandLine, session: Session) -> No
     assert json.loads(out)["axes"][TH2]["history"] == ["undervoltage (0x3220)"]
 
 
+@pytest.mark.slow
 def test_a_board_that_had_too_much_to_send(steptwin: CommandLine, session: Session, board: EmbeddedBoard) -> None:
     """All TPDOs every millisecond, and EMCYs so far apart that they do not fit into their queue."""
     network = board.network

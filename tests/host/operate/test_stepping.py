@@ -53,6 +53,7 @@ def test_the_speed_is_a_part_of_the_joints(session: Session) -> None:
     assert slow > 30 / (0.1 * ROBOT.joints[TH1].speed_max) > fast
 
 
+@pytest.mark.slow
 def test_steps_end_at_the_limit_and_not_beyond(board: EmbeddedBoard, session: Session) -> None:
     upper = ROBOT.joints[TH1].upper
     move(session, [*HOME[:TH1], upper - 2.0, *HOME[TH1 + 1 :]])
@@ -113,6 +114,7 @@ def test_the_smallest_steps_add_up(session: Session) -> None:
         assert session.demanded_units()[SX] == standing + count
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("axis", "column"), [("x", 0), ("y", 1), ("z", 2), ("phi", 3)])
 def test_the_tool_moves_along_one_axis(board: EmbeddedBoard, session: Session, axis: str, column: int) -> None:
     """On the drivers' counts, to within what half a step of each joint moves the tool; and back to the same units."""
@@ -126,6 +128,7 @@ def test_the_tool_moves_along_one_axis(board: EmbeddedBoard, session: Session, a
     assert session.demanded_units() == pytest.approx(units, abs=16)
 
 
+@pytest.mark.slow
 def test_a_step_of_the_tool_that_is_refused_moves_nothing(board: EmbeddedBoard, session: Session) -> None:
     before = board.driver_positions()
     with refusing(InputError) as caught:
@@ -137,6 +140,7 @@ def test_a_step_of_the_tool_that_is_refused_moves_nothing(board: EmbeddedBoard, 
         step_tool(session, ToolStep({"x": 0.1}, 100.0))
 
 
+@pytest.mark.slow
 def test_ctrl_c_stops_all_axes(board: EmbeddedBoard, session: Session) -> None:
     def interrupt(fraction: float) -> None:
         if fraction > 0.5:
@@ -155,6 +159,7 @@ def test_ctrl_c_stops_all_axes(board: EmbeddedBoard, session: Session) -> None:
         assert [state.state for state in axis_states(session)] == ["QUICK STOP ACTIVE"] * 6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("coupling", [DIRECT, TWO_TO_ONE])
 def test_a_step_of_a_coupled_joint_leaves_the_other_joints(coupling: str, fast_kernel: Kernel) -> None:
     """Its motor and the elbow's, which stands on the base, move in proportion; the limits are the joint's."""
@@ -201,6 +206,7 @@ def test_a_speed_has_a_time_or_its_unit(steptwin: CommandLine, words: str) -> No
     assert document["end"] - document["start"] == pytest.approx(-10.0, abs=1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("session")
 def test_the_tool_by_the_command(steptwin: CommandLine) -> None:
     before = steptwin.json("status warehouse-scara")["pose"]

@@ -52,6 +52,7 @@ def test_a_stop_is_never_refused_but_shows_no_positions(steptwin: CommandLine) -
     assert [axis["position"] for axis in json.loads(out)["axes"]] == [None] * len(ROBOT.joints)
 
 
+@pytest.mark.slow
 def test_doctor_has_a_row_for_units(steptwin: CommandLine, session: Session) -> None:
     exit_code, out, _ = steptwin.run("doctor warehouse-scara")
     assert exit_code == 0

@@ -176,6 +176,7 @@ def test_what_is_refused(language: str, text: str, tmp_path: Path) -> None:
     complaint(tmp_path, text, language)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("language", LANGUAGES)
 @given(text=st.text() | st.text(alphabet="MoveJRL [*]XYZRxyz0123456789.-$N(),=tva\n"))
 def test_any_line_is_read_or_refused_in_a_line(language: str, text: str) -> None:
@@ -205,6 +206,7 @@ def test_whatever_is_left_out_stays_a_comment(
     assert not findings.messages
 
 
+@pytest.mark.slow
 def test_the_example_of_the_docs_passes() -> None:
     made = converted(str(ROOT / "docs/examples/pick.ar4"), "ar4", AR4, 12.0)
     program = parse_program(made.text, Findings())

@@ -143,6 +143,7 @@ class TestPoints:
             with refusing(ValueError):
                 array[0] = 1
 
+    @pytest.mark.slow
     @settings(max_examples=40, deadline=None)
     @given(
         distance=st.floats(-100.0, 100.0),

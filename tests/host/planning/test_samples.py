@@ -32,6 +32,7 @@ def test_windows_share_a_millisecond(monkeypatch: pytest.MonkeyPatch) -> None:
     assert [times_ms.tolist() for times_ms in windows_ms(1)] == [[0, 1]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("window_ms", [137, 1000])
 @pytest.mark.parametrize("name", ["calibration-scara", "lab-scara", "warehouse-scara"])
 def test_windows_change_no_plan(monkeypatch: pytest.MonkeyPatch, name: str, window_ms: int) -> None:

@@ -57,6 +57,7 @@ def test_the_gantry_finds_its_switches(at: tuple[float, float, float], fast_kern
     assert board.violations() == []
 
 
+@pytest.mark.slow
 def test_homing_squares_the_screws(fast_kernel: Kernel) -> None:
     """The right screw has lost 20 full steps, 0.8 mm."""
     board = BoardUnderTest(GANTRY, stand_at=[100.0, 100.0, 240.0], kernel=fast_kernel)

@@ -85,6 +85,7 @@ def test_a_pose_at_random_and_the_one_that_passes() -> None:
             assert kinematics.solve(np.array([passing]), branch, near).reachable[0]
 
 
+@pytest.mark.slow
 def test_a_branch_that_reaches_nothing_has_no_such_pose() -> None:
     robot = arm("hybrid-arm")
     assert passing_text(robot, (600.0, 0.0, 600.0, 0.0), np.array(robot.home), "(-,-)") == ""

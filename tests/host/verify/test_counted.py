@@ -39,6 +39,7 @@ def stepping(steps: list[tuple[int, int]], slips: Slips = NO_SLIPS) -> AxisEvide
     )
 
 
+@pytest.mark.slow
 @given(
     steps=st.lists(st.tuples(INSTANTS, st.sampled_from([-1, 1])), max_size=20),
     instants=st.lists(INSTANTS, min_size=1, max_size=20),

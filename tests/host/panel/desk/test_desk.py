@@ -155,6 +155,7 @@ ACTIVITIES: dict[str, Callable[[VirtualRig], object]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("activity", slow_but(["nothing", "a jog", "a homing"], ACTIVITIES))
 def test_anybody_stops_everything_at_once_until_the_reset(shared: VirtualRig, activity: str) -> None:
     desk = shared.desk
@@ -411,6 +412,7 @@ def test_a_reset_answers_no_emergency_stop_that_came_after_its_click(
     shared.await_true(lambda: not desk.snapshot.emergency_stopped, "reset")
 
 
+@pytest.mark.slow
 def test_what_goes_on_ends_for_good_by_an_emergency_stop_that_is_reset_at_once(
     shared: VirtualRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.planning.fastest.corners import CornerError, MotionLeg, ToolLeg, ToolRounding, flowing
+from steptwin.host.planning.fastest.corners import CornerError, MotionLeg, ToolLeg, flowing
 from steptwin.host.planning.fastest.pieces import FollowedPath, Pace, ToolPiece
+from steptwin.host.planning.fastest.tool_rounding import ToolRounding
 from steptwin.host.planning.motions.tool_move import present_branch
 from steptwin.host.planning.paths import Arc, StraightLine, straight
 from steptwin.host.robots import load_robot

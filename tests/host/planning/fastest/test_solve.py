@@ -13,6 +13,7 @@ from toppra.constraint import DiscretizationType, JointAccelerationConstraint, J
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.fastest.corners import flowing
+from steptwin.host.planning.fastest.flow_path import FlowPath
 from steptwin.host.planning.fastest.pieces import PiecewisePath
 from steptwin.host.planning.fastest.rows import Rows
 from steptwin.host.planning.fastest.solve import fastest_squares
@@ -26,7 +27,7 @@ ROBOT = load_robot("teaching-scara")
 class _Geometry(toppra.interpolator.AbstractGeometricPath):  # type: ignore[misc]
     """One of our paths as toppra asks for it."""
 
-    def __init__(self, path: PiecewisePath) -> None:
+    def __init__(self, path: FlowPath | PiecewisePath) -> None:
         self._path = path
 
     def __call__(self, s: Any, order: int = 0) -> FloatArray:
@@ -53,7 +54,7 @@ def duration_s(s: FloatArray, squares: FloatArray) -> float:
     return float((2.0 * steps[moved] / (roots[:-1] + roots[1:])[moved]).sum())
 
 
-def _by_toppra(path: PiecewisePath, s: FloatArray) -> float:
+def _by_toppra(path: FlowPath | PiecewisePath, s: FloatArray) -> float:
     speeds = np.array([joint.speed_max for joint in ROBOT.joints])
     accelerations = np.array([joint.acceleration_max for joint in ROBOT.joints])
     limits = [

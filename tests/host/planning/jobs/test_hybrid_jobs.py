@@ -81,6 +81,7 @@ def test_it_starts_and_ends_at_rest() -> None:
     plan(ROBOT, helix())
 
 
+@pytest.mark.slow
 def test_too_fast_a_helix_is_refused() -> None:
     plan(ROBOT, helix(duration_s="60"))
     with refusing(InputError):

@@ -35,6 +35,7 @@ def cubic_coefficients(law: Cubic) -> tuple[float, float]:
     return at_start / 2.0, (at_end - at_start) / (6.0 * law.duration_s)
 
 
+@pytest.mark.slow
 @given(durations_s())
 def test_the_cubic_of_distance_1_has_the_textbook_coefficients(duration_s: float) -> None:
     expected = 3.0 / duration_s**2, -2.0 / duration_s**3

@@ -80,6 +80,7 @@ def test_a_long_move_reaches_the_pace() -> None:
     assert np.abs(part.accelerations(np.array([0.3]))[0, 0]) == pytest.approx(400.0)
 
 
+@pytest.mark.slow
 @given(positions(), positions())
 def test_a_move_to_the_present_position_adds_nothing(start: FloatArray, goal: FloatArray) -> None:
     """This holds although the end of a move differs from its goal by a rounding error."""

@@ -93,6 +93,7 @@ def test_what_is_refused(text: str, told: str) -> None:
     assert complaint(text).startswith(told)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loader", ["CBaseLoader", "BaseLoader"])
 def test_lists_within_lists_end_no_parser(loader: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """With libyaml and without: sixteen are read, more refused before anything is built of them."""

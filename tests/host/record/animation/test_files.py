@@ -35,6 +35,7 @@ def drawing(film: Film) -> FilmDrawing:
     return FilmDrawing(film, ISO, 321)
 
 
+@pytest.mark.slow
 def test_a_gif_has_every_frame_and_lasts_as_long(tmp_path: Path) -> None:
     done: list[float] = []
     film = write_animation(tmp_path / "arm.gif", RUN, ISO, SHORT, 320, done.append)

@@ -174,6 +174,7 @@ def test_it_is_refused_in_a_line(name: str, tmp_path: Path) -> None:
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.slow
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     begin=st.sampled_from(

@@ -23,6 +23,7 @@ def verify(capsys: pytest.CaptureFixture[str], folder: Path, exit_code: int) -> 
     return document
 
 
+@pytest.mark.slow
 def test_a_run_passes_again_with_the_same_figures(store_run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     document = verify(capsys, store_run, 0)
     written = json.loads((store_run / "report.json").read_text())
@@ -38,6 +39,7 @@ def test_a_run_passes_again_with_the_same_figures(store_run: Path, capsys: pytes
     assert document["tool"] == pytest.approx(written["tool"], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_its_words_are_those_of_the_run(store_run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["verify", str(store_run)]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -89,6 +91,7 @@ TAMPERED: dict[str, tuple[Change, str]] = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TAMPERED)
 def test_edges_that_were_changed_fail(
     name: str, store_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -143,6 +146,7 @@ def test_a_report_that_was_changed_fails(
     assert "fault" not in given
 
 
+@pytest.mark.slow
 def test_frames_that_are_missing_fail(store_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = shutil.copytree(store_run, tmp_path / "copy")
     lines = (folder / "bus.log").read_text().splitlines(keepends=True)
@@ -151,6 +155,7 @@ def test_frames_that_are_missing_fail(store_run: Path, tmp_path: Path, capsys: p
     assert verify(capsys, folder, 1)["reasons"] == [told]
 
 
+@pytest.mark.slow
 def test_a_missing_log_is_named(store_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = shutil.copytree(store_run, tmp_path / "copy")
     (folder / "bus.log").unlink()
@@ -201,6 +206,7 @@ def test_a_run_that_ended_in_a_fault_gives_the_fault_again(tmp_path: Path, capsy
     assert "th1: pvt underrun" in document["fault"]["message"]
 
 
+@pytest.mark.slow
 def test_a_run_that_failed_fails_again(store_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The folder is that of a run in which a driver's limit was broken twice."""
     folder = shutil.copytree(store_run, tmp_path / "copy")
@@ -258,6 +264,7 @@ def as_live(store_run: Path, tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_live_boards_folder_takes_the_plan_of_another(
     store_run: Path, carry_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -332,6 +332,7 @@ def test_pictures_of_a_short_time_say_around_which_instant() -> None:
         assert [label for label in labels if re.match(r"around t = \d+\.\d{4,6} s, in ms", label)], (picture, labels)
 
 
+@pytest.mark.slow
 def test_many_edges_are_drawn_as_an_envelope() -> None:
     """A band between two lines; few edges are one line."""
     many, few = (drawn("error", run).axes[0] for run in ("dense", "single_step"))
@@ -344,6 +345,7 @@ def test_an_error_that_is_visible_is_not_magnified() -> None:
     assert titles["swinging"].startswith("error magnified ")
 
 
+@pytest.mark.slow
 def test_the_pictures_of_a_run_have_the_names_of_their_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     saved: list[str] = []
     monkeypatch.setattr("steptwin.host.record.plots.save_figure", lambda _, path, __: saved.append(path.name))
@@ -523,6 +525,7 @@ class TestTheTiming:
         assert "linear within one count of the board's timer, +-0.014 us, logarithmic beyond" in label
 
 
+@pytest.mark.slow
 def test_jitter_is_the_interval_minus_the_ideal_interval() -> None:
     """A step that is 5 us late makes the interval before it 5 us longer and the interval after it 5 us shorter."""
     comparison = dense()
@@ -553,6 +556,7 @@ def test_short_series_are_not_thinned() -> None:
     assert thinned(t_s, t_s)[0] is t_s
 
 
+@pytest.mark.slow
 def test_widths_are_shown_with_their_distance_from_the_limits() -> None:
     """CLK is high for 33 us, 3 us above the limit, and low for 217 us, 5 us less than the limit."""
     limits = (DriverLimit("clk_high", "", 30.0, "us", ""), DriverLimit("clk_low", "", 222.0, "us", ""))
@@ -567,6 +571,7 @@ def test_widths_are_shown_with_their_distance_from_the_limits() -> None:
     assert second.get_xlabel() == "duration [us]; a driver's CLK rises where the board's STEP rises"
 
 
+@pytest.mark.slow
 def test_widths_and_limits_are_those_of_clk() -> None:
     """If the falling edge is active, CLK is low while STEP is high, for 33 us."""
     limits = (DriverLimit("clk_high", "", 30.0, "us", ""), DriverLimit("clk_low", "", 150.0, "us", ""))
@@ -594,6 +599,7 @@ def test_the_strictest_of_several_limits_counts() -> None:
     assert first.get_xlim()[0] > 20
 
 
+@pytest.mark.slow
 def test_limits_near_to_each_other_share_a_label() -> None:
     limits = [("clk_high", 150.0), ("clk_low", 151.0), ("clk_period", 310.0)]
     violations = replace(NO_VIOLATIONS, limits=tuple(DriverLimit(rule, "", us, "us", "") for rule, us in limits))

@@ -24,6 +24,7 @@ def workspace_of(robot: str, samples: int = 1000) -> tuple[MonteCarlo, Scan]:
     return monte_carlo(loaded, samples, 1), scan(loaded, 90.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["lab-scara", "warehouse-scara"])
 def test_it_says_what_it_shows(robot: str) -> None:
     figure = draw_workspace(load_robot(robot), *workspace_of(robot))

@@ -39,6 +39,7 @@ class TestWithTheLibrary:
             values = [(round(c * 125 / 9), TEXTS[int(v)] if one.signal.texts else v) for c, v in course]
             assert read[topic] == values
 
+    @pytest.mark.slow
     def test_the_same_run_gives_the_same_bytes(self, carry_run: Path, tmp_path: Path) -> None:
         for name in ("first", "second"):
             words = ["--format", "mcap", "--axis", "th4", "--from", "0.5", "--out", str(tmp_path / name)]

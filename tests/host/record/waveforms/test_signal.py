@@ -15,6 +15,7 @@ ANY_SIGNAL = st.one_of(pulses("a"), levels("a", "dir"), numbers("a"), texts("a")
 INSTANT = st.integers(0, LAST_COUNTS + 100)
 
 
+@pytest.mark.slow
 @given(made=ANY_SIGNAL, counts=INSTANT)
 def test_the_value_at_an_instant_includes_a_change_at_it(made: Made, counts: int) -> None:
     assert made.signal.changes.at(counts) == made.at(counts)

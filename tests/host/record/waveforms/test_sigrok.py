@@ -47,6 +47,7 @@ def test_sigrok_counts_the_drivers_steps(scale: str, carry_run: Path, tmp_path: 
         np.testing.assert_array_equal(read[:, 2], np.cumsum(axis.step_signs[:-1], dtype=np.int64))
 
 
+@pytest.mark.slow
 def test_sigrok_reads_the_file_of_a_run(store_run: Path) -> None:
     """The run lasts 9 s with pauses; th2 moves to and fro."""
     axis = next(axis for axis in read_edges(store_run).axes if axis.name == "th2")

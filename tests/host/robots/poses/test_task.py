@@ -132,6 +132,7 @@ def test_coordinates_of_a_direction_have_any_length() -> None:
     assert DIRECTION_TASK.of_figures(np.array([1.0, 2.0, 3.0, 0.0, 3.0, 4.0])).tolist() == [1, 2, 3, 0, 0.6, 0.8]
 
 
+@pytest.mark.slow
 @given(ANGLES, ANGLES)
 def test_the_shortest_turn_of_a_direction_leads_there(start: tuple[float, ...], goal: tuple[float, ...]) -> None:
     """In the plane of both, by the angle between them."""

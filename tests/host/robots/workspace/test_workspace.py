@@ -140,6 +140,7 @@ def robots(names: Iterable[str]) -> list[Any]:
 
 
 class TestSections:
+    @pytest.mark.slow
     @pytest.mark.parametrize("robot", robots(REACHES))
     def test_reaches(self, robot: str) -> None:
         sections = scanned(robot)

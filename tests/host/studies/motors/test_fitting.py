@@ -66,6 +66,7 @@ def test_a_lift_manages_the_acceleration_whose_swing_takes_its_torque(fits: tupl
     assert fit.homing.managed > fit.moving.managed  # the search is slower
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("idle_percent", [None, 20, 50])
 def test_an_elbow_accelerates_as_the_shoulders_motor_holds_against(idle_percent: int | None) -> None:
     """Twice what is left of its torque by the shoulder's friction and gear, which help to hold, is the pull-out torque.
@@ -132,6 +133,7 @@ def test_a_belt_makes_two_masses_whose_lower_frequency_is_told(belt_nm_rad: floa
         assert found == pytest.approx(natural_hz(Drive(MOTOR, 0.6), 1.5, load), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_motor_that_must_turn_faster_than_it_can_would_not_do() -> None:
     robot = load_robot("lab-scara")
     assert robot.dynamics is not None

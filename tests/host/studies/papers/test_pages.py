@@ -191,6 +191,7 @@ def test_html_needs_no_other_file() -> None:
         to_html(render_page(page()), "", {})
 
 
+@pytest.mark.slow
 def test_a_folder_without_matplotlib_and_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "other.md").write_text("stays")
     with monkeypatch.context() as patch:
@@ -211,6 +212,7 @@ class TestCommand:
     def _made(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(PAPERS, "lab-scara", made())
 
+    @pytest.mark.slow
     def test_it_prints_and_writes(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         pytest.importorskip("matplotlib")
         out = tmp_path / "new" / "folder"

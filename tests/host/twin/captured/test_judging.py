@@ -182,6 +182,7 @@ def test_glitches_are_named_and_dropped_on_demand(evidence: Evidence, tmp_path: 
 # --- the drivers
 
 
+@pytest.mark.slow
 def test_pulses_that_are_too_short_are_broken_at_a_rate_that_tells(evidence: Evidence, tmp_path: Path) -> None:
     """30 us are needed: 28 us are short at 8 MHz, and cannot be told at 200 kHz."""
     probes = probes_of(evidence)

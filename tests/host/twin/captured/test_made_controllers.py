@@ -75,6 +75,7 @@ def test_what_was_planned_passes(rule: str) -> None:
     check(3, rule, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rule", "fault"), [("floor", -1), ("int", -3), ("accumulator", 1), (SEGMENTS, -3)])
 def test_what_was_lost_or_too_many_is_counted(rule: str, fault: int) -> None:
     check(4, rule, fault)
@@ -96,6 +97,7 @@ def test_a_refusal_says_how_far_off_other_controllers_are() -> None:
     )
 
 
+@pytest.mark.slow
 def test_another_speed_law_is_named_before_loss_and_clock() -> None:
     run, _ = judged(6, "round", slower=0.7)
     assert run.other_law
@@ -103,5 +105,6 @@ def test_another_speed_law_is_named_before_loss_and_clock() -> None:
     assert not any("clocks differ" in reason or "not in the capture" in reason for reason in run.reasons)
 
 
+@pytest.mark.slow
 def test_a_lost_step_is_no_other_speed_law() -> None:
     assert not judged(6, "round", -1)[0].other_law

@@ -26,6 +26,7 @@ def carried(robot: Robot) -> Plan:
     return plan(robot, motion.sequence())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("coupling", [DIRECT, TWO_TO_ONE, "d3 = { th4 = 0.0555 }"])
 def test_a_run_is_verified(coupling: str, fast_kernel: Kernel) -> None:
     robot = coupled_robot(coupling)
@@ -63,6 +64,7 @@ def test_the_verifier_needs_the_coupling(fast_kernel: Kernel) -> None:
         assert not any(reason.startswith("th1: ") for reason in report.reasons)
 
 
+@pytest.mark.slow
 def test_a_lost_step_of_the_shoulder_bends_the_elbow_in_the_report(fast_kernel: Kernel) -> None:
     """One step less of the shoulder's motor is a step more at the elbow, because the elbow's motor did its part."""
     robot = coupled_robot()

@@ -168,6 +168,7 @@ class TestLive:
             machine.preset(session.units(list(ROBOT.home)))
         return session
 
+    @pytest.mark.slow
     def test_it_waits_and_ends_where_planned(self, board: EmbeddedBoard, session: Session) -> None:
         back = Composer(ROBOT, np.array(ROBOT.home))
         back.wait("part_ready", on=True, timeout_s=2.0)

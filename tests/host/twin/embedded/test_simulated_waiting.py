@@ -48,6 +48,7 @@ def node(board: EmbeddedBoard) -> Node402:
     return made
 
 
+@pytest.mark.slow
 def test_states_and_modes_take_one_tpdo_each(board: EmbeddedBoard, node: Node402) -> None:
     """TPDO1 comes with each change, at least its inhibit time after the one before."""
     begin_s = board.now_s()

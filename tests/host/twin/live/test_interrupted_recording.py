@@ -43,6 +43,7 @@ def verdict_after(kernel: Kernel, folder: Path, dt_ms: int) -> tuple[tuple[str, 
     return verify_folder(folder).reasons, read_run(folder).duration_s, pulses - 40
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("dt_ms", "motion", "duration_s", "pulses"),
     [
@@ -72,6 +73,7 @@ def test_a_wrong_pulse_in_it_is_found(fast_kernel: Kernel, tmp_path: Path) -> No
     assert run(["verify", str(tmp_path)]) == 1
 
 
+@pytest.mark.slow
 def test_a_changed_bus_log_is_found(fast_kernel: Kernel, tmp_path: Path) -> None:
     verdict_after(fast_kernel, tmp_path, 130)
     log = tmp_path / "bus.log"

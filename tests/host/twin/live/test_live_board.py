@@ -112,6 +112,7 @@ def test_a_folder_gets_all_axes_at_once(fast_kernel: Kernel, tmp_path: Path) -> 
     session.end()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axes_per_board", [(3, 3), (4, 2), (1,) * 6])
 def test_several_boards_record_the_same(axes_per_board: tuple[int, ...], fast_kernel: Kernel, tmp_path: Path) -> None:
     """Each axis has its node id, its edges and its place in the folder, whichever board it is on."""
@@ -134,6 +135,7 @@ def test_several_boards_record_the_same(axes_per_board: tuple[int, ...], fast_ke
     assert evidence[1].axes[JOINT].pins["enable"].levels.tolist() == [1]
 
 
+@pytest.mark.slow
 def test_other_drivers_break_their_limits(fast_kernel: Kernel, tmp_path: Path) -> None:
     """Drivers that require 150 us before the falling edge count no pulse of 33 us."""
     session = LiveSession(fast_kernel, tmp_path, drivers="slow-blue-board")
@@ -195,6 +197,7 @@ def test_the_report_is_stored(fast_kernel: Kernel, tmp_path: Path) -> None:
     assert report["simulated_s"] == pytest.approx(0.01)
 
 
+@pytest.mark.slow
 def test_faults_of_drivers_and_wires_are_recorded_too(fast_kernel: Kernel, tmp_path: Path) -> None:
     """A limit that a driver has got since the beginning, and a pulse that lasts for several pieces of the recording."""
     session = LiveSession(fast_kernel, tmp_path)

@@ -39,6 +39,7 @@ def plan_rows(folder: Path) -> list[list[float]]:
     return [[float(word) for word in line.split(",")] for line in lines[1:]]
 
 
+@pytest.mark.slow
 def test_the_records_of_the_last_motion_are_its_plan(
     fast_kernel: Kernel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -79,6 +80,7 @@ def no_plan(session: LiveSession, folder: Path) -> str:
     return reason
 
 
+@pytest.mark.slow
 def test_a_motion_that_was_halted_and_made_slower_is_judged_by_its_records(
     fast_kernel: Kernel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -101,6 +103,7 @@ def test_a_motion_that_was_halted_and_made_slower_is_judged_by_its_records(
     assert report["speeds"][1]["at_s"] < report["speeds"][1]["after_s"] == pytest.approx(0.042, abs=0.002)
 
 
+@pytest.mark.slow
 def test_a_recording_without_an_end_is_read_in_its_own_time(fast_kernel: Kernel, tmp_path: Path) -> None:
     """Its motion goes on at half speed: what is recorded of it is as long as the motion's own time."""
     session = LiveSession(fast_kernel, tmp_path)
@@ -201,6 +204,7 @@ def pause(session: LiveSession) -> None:
     session.wait(200)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ended", [True, False], ids=["ended", "interrupted"])
 @pytest.mark.parametrize("later", [jog, stop_amid_records])
 def test_the_last_motion_with_a_plan_is_verified_whatever_moves_the_machine_later(
@@ -234,6 +238,7 @@ def test_the_last_motion_with_a_plan_is_verified_whatever_moves_the_machine_late
     assert 0.0 < th1.time_s[0] < th1.time_s[-1] < 0.1
 
 
+@pytest.mark.slow
 def test_the_last_motion_with_a_plan_may_have_been_paused(fast_kernel: Kernel, tmp_path: Path) -> None:
     """It counts in its own time, and what moves the machine later does not count."""
     session = LiveSession(fast_kernel, tmp_path)

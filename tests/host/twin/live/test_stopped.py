@@ -32,6 +32,7 @@ def session(fast_kernel: Kernel, tmp_path: Path) -> LiveSession:
     return session
 
 
+@pytest.mark.slow
 def test_an_emergency_stop_in_a_wait(session: LiveSession, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     session.send(ESTOP)
     at_s = session.now_ns / 1e9
@@ -64,6 +65,7 @@ def test_a_stop_on_the_way(
     assert "there is no plan to verify" in told
 
 
+@pytest.mark.slow
 def test_a_stop_of_a_later_motion(session: LiveSession, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The folder shows the motion before, whose program was stopped all the same."""
     begin(session, 2)
@@ -74,6 +76,7 @@ def test_a_stop_of_a_later_motion(session: LiveSession, tmp_path: Path, capsys: 
     assert "was stopped on its way by emergency stop" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_motion_after_the_stop_passes(session: LiveSession, tmp_path: Path) -> None:
     session.send(ESTOP)
     session.wait(50)

@@ -44,6 +44,7 @@ def test_invalid_numbers(text: str) -> None:
         checked(text, 6)
 
 
+@pytest.mark.slow
 @given(st.lists(st.integers(0, 20), min_size=1, max_size=6), st.integers(1, 8))
 def test_the_numbers_offered_are_valid(counts: list[int], axes: int) -> None:
     text = ",".join(map(str, counts))

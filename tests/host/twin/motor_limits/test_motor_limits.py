@@ -9,6 +9,7 @@ from steptwin.host.common.findings import Findings
 from steptwin.host.planning.fastest.chain import driven
 from steptwin.host.planning.fastest.corners import JointLeg, flowing
 from steptwin.host.planning.fastest.drives import LoadChange, PathLoad
+from steptwin.host.planning.fastest.flow_path import FlowPath
 from steptwin.host.planning.fastest.pieces import Pace, PiecewisePath
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
@@ -52,7 +53,7 @@ def thirty() -> CompiledProgram:
     return compiled(LIMITS.format(left=30))
 
 
-def path_there() -> PiecewisePath:
+def path_there() -> FlowPath | PiecewisePath:
     return flowing(ROBOT, [JointLeg(ROBOT, A, B, Pace())], []).path
 
 

@@ -62,6 +62,7 @@ def refusal_or_slip(made: Plan, percent: int, highest_percent: int) -> str | boo
     return refused or first_slip(Driving.of(LAB, board.evidence())) is not None
 
 
+@pytest.mark.slow
 def test_the_speed_that_is_stated_is_held_and_half_as_fast_again_is_not(turned: Plan) -> None:
     """Each speed up to some 109 % is held in 0.87 of its time, too. The joints' limits alone would allow 150 %."""
     percent, by = highest_speed(turned)
@@ -122,6 +123,7 @@ class Waits:
         return np.where(t_s[:, np.newaxis] < self.move.duration_s, self.move.velocities(t_s), 0.0)
 
 
+@pytest.mark.slow
 def test_a_wait_on_the_way_does_not_keep_the_rotors_from_turning(turned: Plan) -> None:
     """Nothing gives the input beforehand."""
     waiting = plan(LAB, Waits(JointMove(LAB.joint_names, START, GOAL, Cubic(1.0, 1.3))))

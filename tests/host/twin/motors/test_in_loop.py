@@ -49,6 +49,7 @@ def outcomes(fast_kernel: Kernel) -> tuple[Outcome, Outcome]:
     return execute(made, "carry", fast_kernel), execute(made, "carry", fast_kernel, motors=True)
 
 
+@pytest.mark.slow
 def test_rotors_in_the_loop_do_what_they_do_after_the_run(outcomes: tuple[Outcome, Outcome]) -> None:
     """To the last bit: how time is divided changes nothing, and the board's edges are the same as without motors."""
     without, ran = outcomes
@@ -383,6 +384,7 @@ def test_a_robot_whose_masses_are_unknown_has_no_motors_in_the_loop(fast_kernel:
 
 
 class TestALiveBoard:
+    @pytest.mark.slow
     def test_strides_and_pieces_change_nothing(self, fast_kernel: Kernel) -> None:
         """The rotors of a board in real time are those of any other, however late its process looks."""
         found = []

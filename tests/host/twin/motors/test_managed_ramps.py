@@ -36,6 +36,7 @@ def test_homings_of_our_robots_leave_30_percent(name: str, ramps: dict[str, tupl
     assert [ramp for ramp in homings if ramp.asked > 0.7 * ramp.managed] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MOVED)
 def test_all_may_ramp_at_once_and_none_is_lower_than_it_must_be(
     name: str, ramps: dict[str, tuple[JointRamps, ...]]

@@ -182,6 +182,7 @@ def test_what_is_left_at_the_limits_of_its_joints(name: str, margins: dict[str, 
     assert [fit.own.current_a for fit in fits] == currents_a
 
 
+@pytest.mark.slow
 def test_the_thor_lifts_750_g_stretched_out_as_its_maker_says() -> None:
     """His FAQ: the whole arm level, with the tool, of which 0.6 kg hang at the gripper; his board has 12 V."""
     robot = ARMS["thor"]

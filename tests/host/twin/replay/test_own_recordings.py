@@ -68,6 +68,7 @@ def operate(session: LiveSession) -> None:
     session.wait(20)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("axes_per_board", "crystals_ppm"),
     [(None, ()), ((4, 2), ()), ((4, 2), (100, -100))],
@@ -156,6 +157,7 @@ def test_the_folder_of_a_tests_board_has_its_plan(saved: Path) -> None:
     assert (saved / "trace.vcd").exists()
 
 
+@pytest.mark.slow
 def test_a_replay_is_saved_as_the_run_was(saved: Path, fast_kernel: Kernel, tmp_path: Path) -> None:
     result = replayed(saved, fast_kernel)
     result.run.save(tmp_path)

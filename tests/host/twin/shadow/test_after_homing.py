@@ -103,6 +103,7 @@ def hurried(request: pytest.FixtureRequest, fast_kernel: Kernel) -> HurriedHost:
     return host
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late_us", [0, 1400, 3000, 5000, 7000, 9500, 12000])
 def test_the_next_motion_begins_when_it_is_commanded(hurried: HurriedHost, late_us: int, fast_kernel: Kernel) -> None:
     """Its frames came before the twin's search had ended; the twin executes them neither earlier nor later."""
@@ -118,6 +119,7 @@ def streamed(fast_kernel: Kernel) -> HurriedHost:
     return host
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("later_ms", [0.5, 2.5, 8.5, 12.0])
 def test_a_motion_by_ways_from_where_the_homing_ended(
     later_ms: float, streamed: HurriedHost, fast_kernel: Kernel

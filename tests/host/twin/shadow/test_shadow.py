@@ -41,6 +41,7 @@ def quiet(fast_kernel: Kernel) -> Real:
     return real
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("jitter_us", "ppm"), [(0, 0.0), (300, 100.0), (1500, 100.0), (1500, -100.0)])
 def test_no_false_alarm(quiet: Real, jitter_us: int, ppm: float, fast_kernel: Kernel) -> None:
     """Whatever the computer's clock does within its tolerance."""
@@ -90,6 +91,7 @@ def test_it_waits_for_a_boot_up(quiet: Real, fast_kernel: Kernel) -> None:
     assert told == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("operation", "kind", "says"),
     [
@@ -112,6 +114,7 @@ def test_what_the_board_does_without_a_cause_in_the_frames(
     assert all(at_s - 0.01 <= each.at_s < at_s + 1.0 for each in told)
 
 
+@pytest.mark.slow
 def test_a_state_that_only_the_board_is_in(fast_kernel: Kernel) -> None:
     real = homed(ROBOT, fast_kernel, NEAR)
     real.operate(EmergencyStop(pressed=True))
@@ -158,6 +161,7 @@ def moved(units: int) -> Callable[[bytes], bytes]:
     return change
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("steps", "found"), [(0, False), (1, False), (2, True), (-2, True)])
 def test_a_position_at_rest(quiet: Real, steps: int, found: bool, fast_kernel: Kernel) -> None:
     """One step may be the next tick's; two are told, once, and within a second."""
@@ -170,6 +174,7 @@ def test_a_position_at_rest(quiet: Real, steps: int, found: bool, fast_kernel: K
     )
 
 
+@pytest.mark.slow
 def test_an_answer_of_its_own(quiet: Real, fast_kernel: Kernel) -> None:
     """An abort in place of an answer is one discrepancy; the dialogue goes on."""
     heard = quiet.heard()
@@ -179,6 +184,7 @@ def test_an_answer_of_its_own(quiet: Real, fast_kernel: Kernel) -> None:
     assert (answer.axis, answer.kind) == ("th2", DiscrepancyKind.ANSWER)
 
 
+@pytest.mark.slow
 def test_an_error_of_its_own(quiet: Real, fast_kernel: Kernel) -> None:
     heard = quiet.heard()
     at_us = heard[1000][0]
@@ -188,6 +194,7 @@ def test_an_error_of_its_own(quiet: Real, fast_kernel: Kernel) -> None:
     assert (error.axis, error.kind, error.twin) == ("th2", DiscrepancyKind.ERROR, "nothing")
 
 
+@pytest.mark.slow
 def test_an_answer_that_is_missing(quiet: Real, fast_kernel: Kernel) -> None:
     """The board says less than its twin."""
     heard = quiet.heard()
@@ -211,6 +218,7 @@ def test_it_goes_on_from_a_recording(quiet: Real, fast_kernel: Kernel) -> None:
     assert told == []
 
 
+@pytest.mark.slow
 def test_frames_of_other_nodes_do_not_matter(quiet: Real, fast_kernel: Kernel) -> None:
     strange = [(us, Frame(0x1C0, b"\x01\x02")) for us, _ in quiet.heard()[100::50]]
     told, _ = shadowed(ROBOT, sorted([*quiet.heard(), *strange], key=lambda each: each[0]), fast_kernel, NEAR)

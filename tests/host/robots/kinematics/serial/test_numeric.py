@@ -75,6 +75,7 @@ def test_the_numeric_inverse_of_arms_with_a_closed_form(name: str) -> None:
     assert kinematics.numeric.near(kinematics.forward(joints), start).solved.mean() >= 0.99
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [five_axes, missing_wrist, three_joints, sliding])
 def test_from_anywhere(make) -> None:  # type: ignore[no-untyped-def]
     robot = make()
@@ -160,6 +161,7 @@ def test_the_opposite_direction_is_not_the_direction() -> None:
     assert np.all(off_deg[found.solved] <= TURN_OFF_DEG)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("make", "most"), [(five_axes, 8), (three_joints, 4), (sliding, 2)])
 def test_further_solutions(make, most: int) -> None:  # type: ignore[no-untyped-def]
     """Each is another one, has the pose, and comes in the order of its joints."""
@@ -190,6 +192,7 @@ def test_the_three_joints_have_their_elbow_up_and_down_and_their_back_turned() -
     assert turned in ([20, 20], [-160, -160, 20, 20])
 
 
+@pytest.mark.slow
 def test_the_wrists_speeds_are_those_of_the_whole_jacobian() -> None:
     """In closed form, arm and wrist one after the other, the speeds are those of all six equations together."""
     for name in ("AR4", "PAROL6", "Thor", "Dummy"):
@@ -227,6 +230,7 @@ def test_joints_within_their_limits_come_before_nearer_ones() -> None:
     assert np.linalg.norm((kinematics.forward(solved.joints) - pose)[0, :3]) <= PLACE_OFF_MM
 
 
+@pytest.mark.slow
 def test_joints_beyond_their_limits_are_told_if_there_are_no_others() -> None:
     kinematics = kinematics_of(three_joints())
     pose = kinematics.forward(np.array([[20.0, 95.0, 10.0]]))

@@ -48,6 +48,7 @@ def test_poses_are_the_tables_own(table: DhTable, seed: int) -> None:
     assert angle_deg(poses[:, 3:], of_matrix(transforms[:, :3, :3])).max() < 1e-11
 
 
+@pytest.mark.slow
 @given(tables(), st.integers(0, 1000))
 @settings(max_examples=30)
 def test_jacobians_are_differences(table: DhTable, seed: int) -> None:

@@ -1,0 +1,54 @@
+"""The verdict of a board under test beside its steps: microsteps that do not agree, and rotors that have slipped."""
+
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.native import interface_files
+from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.plan import Plan
+from steptwin.host.planning.planner import plan
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.board_under_test import BoardUnderTest
+from tests.host.twin.embedded.test_excitation import Master
+
+TEACHING = load_robot("teaching-scara")
+GCC = shutil.which("gcc") or shutil.which("cc")
+
+
+@pytest.fixture(scope="module")
+def standing() -> Plan:
+    """A motion whose verdict says nothing of the first joint's speed: only what stands beside the steps is asked."""
+    return plan(TEACHING, make_job(TEACHING, "carry", {}))
+
+
+@pytest.mark.skipif(GCC is None, reason="no C compiler is installed")
+def test_a_firmware_that_sets_other_microsteps_is_named(standing: Plan, tmp_path: Path) -> None:
+    """The example sets 16 at each driver."""
+    for name, text in interface_files().items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    command = [GCC or "", "-shared", "-fPIC", "-o", "fw.so", "example.c", "steptwin_hal.c"]
+    subprocess.run(command, check=True, timeout=60, cwd=tmp_path)
+    board = BoardUnderTest(TEACHING, firmware=tmp_path / "fw.so")
+    board.wait(0.01)
+    named = [reason for reason in board.verify(standing.trajectory).reasons if "microsteps" in reason]
+    assert named == ["d3: driver and board make 16 microsteps, the robot's file says 8"]
+
+
+def test_a_rotor_that_slips_is_named(standing: Plan, fast_kernel: Kernel) -> None:
+    """A payload of 200 kg is too heavy for a turn by 5 degrees; the drivers' counts alone show nothing."""
+    assert TEACHING.dynamics is not None
+    robot = replace(TEACHING, dynamics=replace(TEACHING.dynamics, payload_kg=200.0))
+    board = BoardUnderTest(robot, kernel=fast_kernel, motors=True)
+    master = Master(board, "th1")
+    master.enable()
+    assert not any("slips" in reason for reason in board.verify(standing.trajectory).reasons)
+    master.move_to(5.0, 0.3)
+    assert board.slipped()["th1"] != 0
+    (said,) = [reason for reason in board.verify(standing.trajectory).reasons if "slips" in reason]
+    assert said.startswith("th1: ")
+    assert said.endswith(f"ends {abs(board.slipped()['th1'])} full steps away")
