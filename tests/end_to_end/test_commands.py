@@ -40,7 +40,7 @@ def test_jobs(capsys: pytest.CaptureFixture[str]) -> None:
     document = json.loads(capsys.readouterr().out)
     assert document["robot"] == "warehouse-scara"
     jobs = {job["name"]: job["options"] for job in document["jobs"]}
-    assert list(jobs) == ["drawer-pull", "pull-line", "store", "fetch", "every-slot"]
+    assert list(jobs) == ["drawer-pull", "store", "fetch", "every-slot", "pull-line"]
     assert "right" in jobs["pull-line"]["elbow"]
     assert jobs["store"]["slot"] == "A1 (A1, A2, B1, B2)"
     assert run(["jobs", "warehouse-scara"]) == 0
