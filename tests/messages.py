@@ -40,6 +40,11 @@ def refused_with(message: str) -> str:
     return message
 
 
+def forget() -> None:
+    """Forget what was refused so far, before a test begins again."""
+    _messages.clear()
+
+
 @contextmanager
 def refusing(error: type[_Error] | tuple[type[_Error], ...]) -> Iterator[pytest.ExceptionInfo[_Error]]:
     """Expect an error whose message stands in the golden file."""
@@ -71,7 +76,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
     """Compare what a test was refused with, once it has passed otherwise."""
-    _messages.clear()
+    forget()
     yield
     messages = [_without_places(each, item) for each in _messages]
     if item.config.getoption("update_messages"):
@@ -88,7 +93,7 @@ def _without_places(message: str, item: pytest.Item) -> str:
     if folder is not None:
         message = message.replace(str(folder), "TMP")
     message = re.sub(r"/[^\s:'\"]*/pytest-\d+(/popen-gw\d+)?", "BASE", message)
-    message = re.sub(r"/tmp/tmp\w+", "TMP", message)
+    message = re.sub(r"(/tmp|TMP)/tmp\w{8}", "TMP", message)
     message = re.sub(r"[^\s'\"(]*bin/python[\d.]*", "PYTHON", message)
     message = re.sub(r"127\.0\.0\.1:\d{4,5}\b", "127.0.0.1:PORT", message)
     return message.replace(str(PROJECT), "PROJECT")

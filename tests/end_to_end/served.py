@@ -14,6 +14,7 @@ from typing import Any, Final, ParamSpec
 from steptwin.host.cli.app import run
 from tests.emulator.live.live_rig import TIMEOUT_S
 from tests.end_to_end.command_line import PROGRAM
+from tests.messages import forget
 from tests.repeats import count_repeat
 from tests.turns import alone
 
@@ -197,6 +198,7 @@ def in_real_time(test: Callable[_P, None]) -> Callable[_P, None]:
     def repeated(*args: _P.args, **kwargs: _P.kwargs) -> None:
         for attempt in range(1, ATTEMPTS + 1):
             before_ms = _waited_ms()
+            forget()
             try:
                 with alone() if attempt > TOGETHER else nullcontext():
                     test(*args, **kwargs)

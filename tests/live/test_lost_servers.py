@@ -108,7 +108,9 @@ def test_two_signals_at_once_end_it_in_order(points: str, tmp_path: Path, capsys
             code, out, err = server.end(signal.SIGINT)
             client.communicate(timeout=TIMEOUT_S)
         assert (code, said(err)) == (0, [])
-        assert json.loads((folder / "report.json").read_text()) == json.loads(out) | {"folder_version": 1}
+        report = json.loads((folder / "report.json").read_text())
+        assert sorted(report.pop("files")) == ["bus.log", "edges.npz", "robot.toml"]
+        assert report == json.loads(out) | {"folder_version": 1}
         assert not read_recording(folder)
         assert read_edges(folder).axes[0].step_counts.size > 20
         refused = refusal(capsys, "serve", ROBOT, "--port", "0", "--out", str(folder))
