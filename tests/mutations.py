@@ -65,7 +65,7 @@ MUTATIONS: Final = (
     # --- verifier and its gate
     Mutation(ORACLE, "HYSTERESIS_STEPS = 1 / 16", "HYSTERESIS_STEPS = 1 / 15.9", VERIFY),
     Mutation(ORACLE, "floor(abs(distance_steps) - THRESHOLD_STEPS) + 1", "floor(abs(distance_steps))", VERIFY),
-    Mutation(VERIFIER, "not position_steps <= gates", "position_steps > 1.01 * gates", VERIFY),
+    Mutation(VERIFIER, "not position_steps <= position_limit", "position_steps > 1.01 * position_limit", VERIFY),
     Mutation(VERIFIER, "axis.unmatched_steps > 0, f", "axis.unmatched_steps > 1, f", VERIFY),
     Mutation("host/verify/gates.py", "STEPS: Final = 0.0075", "STEPS: Final = 0.0085", VERIFY),
     # --- drivers

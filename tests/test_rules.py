@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.house import House
+from tests.house import ROOT, House
 from tests.messages import same
+from tests.mutations import MUTATIONS
 from tests.rules import floats_and_clocks, house_faults, printing
 
 
@@ -49,3 +50,8 @@ def test_the_house_is_counted(tmp_path: Path) -> None:
 )
 def test_messages_are_compared_by_words_and_rounded_numbers(message: str, golden: str, expected: bool) -> None:
     assert same(message, golden) is expected
+
+
+def test_every_mutation_has_its_place() -> None:
+    """`python -m tests.mutations` takes too long to see it there."""
+    assert [str(each) for each in MUTATIONS if (ROOT / each.path).read_text("utf-8").count(each.right) != 1] == []
