@@ -116,8 +116,8 @@ class AxisDrive:
 
         So a bit that rises in the word that enables the drive starts nothing: the mode sees no edge.
 
-        While a ramp leads out of OPERATION ENABLED, only a command that leads further away from it counts: so nobody
-        else's "enable operation", repeated every millisecond, takes a stop back.
+        While a ramp leads out of OPERATION ENABLED, ignore all commands but those that lead further away from it. A
+        master that repeats "enable operation" every millisecond cannot take a stop back.
         """
         self._context.touch()
         previous, self._controlword = self._controlword, controlword

@@ -3,21 +3,17 @@
 import gc
 import os
 import select
-import shutil
-import subprocess
-from collections.abc import Callable
-from itertools import count
 from pathlib import Path
 
 import pytest
 
-from steptwin.emulator.native import FirmwareError, interface_files
+from steptwin.emulator.native import FirmwareError
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.board_under_test import BoardUnderTest
+from tests.emulator.native.compilers import NEEDS_GCC, Build
 
-GCC = shutil.which("gcc") or shutil.which("cc")
-pytestmark = pytest.mark.skipif(GCC is None, reason="no C compiler is installed")
+pytestmark = NEEDS_GCC
 
 ROBOT = load_robot("teaching-scara")
 SLOW = "st_run has not returned for 0.3 s: does it loop?"
@@ -42,25 +38,6 @@ AT_ONCE = {
     23: "st_take_edges says that it gives 4097, where room is for 4096",
     24: "st_take_edges gives more than 1048576 at once",
 }
-Build = Callable[..., Path]
-
-
-@pytest.fixture(scope="module")
-def build(tmp_path_factory: pytest.TempPathFactory) -> Build:
-    """A function that compiles the firmware with one harm."""
-    folder, numbers = tmp_path_factory.mktemp("hostile"), count()
-    for name, text in interface_files().items():
-        (folder / name).write_text(text, encoding="utf-8")
-
-    def built(**defined: object) -> Path:
-        library = folder / f"fw{next(numbers)}.so"
-        macros = [f"-D{name}={value}" for name, value in defined.items()]
-        command = [GCC or "", "-O1", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC", "-I", str(folder), *macros]
-        files = ["-o", str(library), str(Path(__file__).with_name("hostile.c"))]
-        subprocess.run([*command, *files], check=True, timeout=60)
-        return library
-
-    return built
 
 
 def complaint(library: Path) -> str:
@@ -75,7 +52,7 @@ def complaint(library: Path) -> str:
 
 @pytest.mark.parametrize("harm", AT_ONCE)
 def test_a_harm_ends_with_a_sentence(harm: int, build: Build) -> None:
-    assert complaint(build(HARM=harm)).startswith(AT_ONCE[harm])
+    assert complaint(build("hostile.c", HARM=harm)).startswith(AT_ONCE[harm])
 
 
 @pytest.mark.live
@@ -83,7 +60,7 @@ def test_a_harm_ends_with_a_sentence(harm: int, build: Build) -> None:
 def test_a_harm_that_waits_ends_with_a_sentence(harm: int, build: Build, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("steptwin.emulator.native.HANGS_S", 0.3)
     monkeypatch.setattr("steptwin.emulator.native._ENDS_S", 0.3)
-    assert complaint(build(HARM=harm)) == WAITS[harm]
+    assert complaint(build("hostile.c", HARM=harm)) == WAITS[harm]
 
 
 @pytest.mark.slow
@@ -92,7 +69,7 @@ def test_no_process_outlives_the_run(harm: int, build: Build, tmp_path: Path) ->
     """The firmware's child holds a FIFO open, whose reader is told when it ends."""
     fifo = tmp_path / "fifo"
     os.mkfifo(fifo)
-    library = build(HARM=harm, FIFO=f'"{fifo}"')
+    library = build("hostile.c", HARM=harm, FIFO=f'"{fifo}"')
     reader = os.open(fifo, os.O_RDONLY | os.O_NONBLOCK)
     try:
         if harm:

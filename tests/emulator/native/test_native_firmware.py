@@ -1,18 +1,14 @@
 """A user's firmware on emulated boards: the example makes a job's motion, and what is broken ends with a sentence."""
 
-import shutil
 import struct
-import subprocess
-from collections.abc import Callable
 from dataclasses import replace
-from itertools import count
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from steptwin.emulator.faults.machine import EmergencyStop, Supply
-from steptwin.emulator.native import FirmwareError, interface_files
+from steptwin.emulator.native import FirmwareError
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.plan import Plan
@@ -20,10 +16,10 @@ from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.host.twin.embedded.execution import execute
+from tests.emulator.native.compilers import NEEDS_GCC, Build
 from tests.messages import refusing
 
-GCC = shutil.which("gcc") or shutil.which("cc")
-pytestmark = pytest.mark.skipif(GCC is None, reason="no C compiler is installed")
+pytestmark = NEEDS_GCC
 
 FILED = load_robot("teaching-scara")
 ROBOT = replace(
@@ -34,25 +30,6 @@ ROBOT = replace(
 NODES = range(0x10, 0x14)
 SET_POINT_MS = 5
 QUEUED = 4
-Build = Callable[..., Path]
-
-
-@pytest.fixture(scope="module")
-def build(tmp_path_factory: pytest.TempPathFactory) -> Build:
-    """A function that compiles C files, the interface's and those of this folder, to a library."""
-    folder, numbers = tmp_path_factory.mktemp("firmware"), count()
-    for name, text in interface_files().items():
-        (folder / name).write_text(text, encoding="utf-8")
-    shutil.copy(Path(__file__).with_name("broken.c"), folder)
-
-    def built(*sources: str, **defined: int) -> Path:
-        library = folder / f"fw{next(numbers)}.so"
-        macros = [f"-D{name}={value}" for name, value in defined.items()]
-        command = [GCC or "", "-O2", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC", *macros, "-o", str(library)]
-        subprocess.run([*command, *(str(folder / source) for source in sources)], check=True, timeout=60)
-        return library
-
-    return built
 
 
 @pytest.fixture(scope="module")
