@@ -182,7 +182,7 @@ class CyclicPosition(DriveMode):
             raise SdoAbortError(AbortCode.DEVICE_STATE)
 
     def control(self, controlword: int, _previous: int) -> None:
-        """Obey the halt bit. Ignore a target that was written before the mode was enabled, unless both came together."""
+        """Obey the halt bit. Ignore a target written before the mode was enabled, unless both came together."""
         if controlword & Control.HALT:
             if self._following and self._motion.running:
                 self._stop.ramp_down(self._stop.halt_kind)

@@ -8,7 +8,6 @@ from steptwin.host.common.features import Feature, FeatureJudge
 
 if TYPE_CHECKING:
     from steptwin.features.shelf.errand import PlannedStock
-    from steptwin.features.shelf.evidence import ShelfEvidence
     from steptwin.features.shelf.machine import ShelfPart
     from steptwin.features.shelf.options import ShelfOptions
     from steptwin.features.shelf.run import ShelfRun
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
     from steptwin.host.planning.jobs.job import Job
     from steptwin.host.planning.trajectory import Trajectory
     from steptwin.host.robots.robot import Robot
-    from steptwin.host.verify.evidence import Evidence
 
 NAME: Final = "shelf"
 
@@ -27,12 +25,6 @@ def shelf_of(robot: "Robot") -> "Shelf | None":
     found: Any = robot.sections.get(NAME)
     shelf: Shelf | None = found
     return shelf
-
-
-def shelf_evidence_of(evidence: "Evidence") -> "ShelfEvidence | None":
-    """Return what happened at the shelf of a run; None without one."""
-    found: ShelfEvidence | None = evidence.features.get(NAME)
-    return found
 
 
 def _section(table: "Table", key: str) -> "Shelf":

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.shelf import shelf_evidence_of
 from steptwin.features.shelf.errand import Errand, PlannedStock, job_carries
 from steptwin.features.shelf.options import ShelfOptions
 from steptwin.features.shelf.verdict import contradictions, reasons
@@ -32,7 +31,7 @@ from steptwin.host.twin.live.live_board import LiveBoard
 from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.timer import COUNTS_PER_SECOND
-from tests.features.shelf.shelves import shelf_of, with_shelf
+from tests.features.shelf.shelves import shelf_evidence_of, shelf_of, with_shelf
 from tests.messages import refusing
 
 ROBOT = load_robot("warehouse-scara")
