@@ -1,9 +1,10 @@
 """Charge each test the processor time that it uses, and fail one that uses too much without the mark `slow`.
 
-Processor time includes that of ended child processes. It hardly depends on what else the computer does, but it depends
-on the computer: the budget holds for a reference computer and faster ones, and a short loop tells how much slower this
-one is. A test that uses too much runs a second time: the first test of a process pays for imports and caches that the
-others find. Fixtures that tests share are charged by their own names, not to the test that happens to ask first.
+Processor time includes that of ended child processes. It hardly depends on what else the computer does, but it
+depends on the computer: the budget holds for a reference computer and faster ones, and a short loop tells how much
+slower this one is. A test that uses too much runs twice more, and the least counts: the first test of a process pays
+for imports and caches that the others find, and a neighbour on the same core makes any of them dearer. Fixtures that
+tests share are charged by their own names, not to the test that happens to ask first.
 """
 
 import os
@@ -18,6 +19,7 @@ from _pytest.terminal import TerminalReporter
 
 BUDGET_S: Final = 0.25  # processor time that a test without the mark `slow` may use on the reference computer
 TOLERANCE: Final = 2  # a test fails above this many budgets
+TRIALS: Final = 3  # of a test that uses too much
 REFERENCE_TURNS_S: Final = 0.28  # ten million turns of an empty loop on the reference computer
 UNBOUNDED: Final = ("slow", "live")  # marks of the tests that may use more
 _TEST, _FIXTURES = "processor_s", "fixtures_processor_s"
@@ -70,13 +72,14 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
     reports, used_s = _run(item, nextitem)
     fixtures = dict(_fixtures)
     if _is_bounded(item) and all(report.passed for report in reports):
-        if used_s > TOLERANCE * BUDGET_S:
-            item._initrequest()  # type: ignore[attr-defined]  # noqa: SLF001, as pytest-rerunfailures does
-            used_s = min(used_s, _run(item, nextitem)[1])
+        for _ in range(TRIALS - 1):
+            if used_s > TOLERANCE * BUDGET_S:
+                item._initrequest()  # type: ignore[attr-defined]  # noqa: SLF001, as pytest-rerunfailures does
+                used_s = min(used_s, _run(item, nextitem)[1])
         if used_s > TOLERANCE * BUDGET_S and used_s > (limit_s := _limit_s()):
             reports[-1].outcome = "failed"
             reports[-1].longrepr = (
-                f"{item.nodeid} used {used_s:.2f} s of processor time twice; {limit_s:.2f} s is the most on this "
+                f"{item.nodeid} used {used_s:.2f} s of processor time at least; {limit_s:.2f} s is the most on this "
                 "computer (tests/budget.py): make it cheaper, or mark it `slow`"
             )
     reports[-1].user_properties += [(_TEST, used_s), (_FIXTURES, fixtures)]

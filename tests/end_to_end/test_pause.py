@@ -61,15 +61,16 @@ def late_s(run: HaltedRun, planned: HaltedRun) -> float:
     return float(ends[0] - ends[1]) / 72e6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("duration_s", "breaks"),
     [
         pytest.param(2.0, PAUSED, id="a short one"),
-        pytest.param(10.0, [Break(0.0, 1.0)], id="at the start", marks=pytest.mark.slow),
-        pytest.param(10.0, [Break(3.0, 0.0)], id="only just", marks=pytest.mark.slow),
-        pytest.param(10.0, [Break(2.0, 1.0), Break(5.0, 1.3)], id="twice", marks=pytest.mark.slow),
-        pytest.param(10.0, [Break(4.0, 1.0), Break(4.0, 1.0)], id="twice in one place", marks=pytest.mark.slow),
-        pytest.param(10.0, [Break(9.9, 30.0)], id="long before the end", marks=pytest.mark.slow),
+        pytest.param(10.0, [Break(0.0, 1.0)], id="at the start"),
+        pytest.param(10.0, [Break(3.0, 0.0)], id="only just"),
+        pytest.param(10.0, [Break(2.0, 1.0), Break(5.0, 1.3)], id="twice"),
+        pytest.param(10.0, [Break(4.0, 1.0), Break(4.0, 1.0)], id="twice in one place"),
+        pytest.param(10.0, [Break(9.9, 30.0)], id="long before the end"),
     ],
 )
 def test_the_drawer_pull_keeps_its_path(

@@ -92,6 +92,7 @@ def fault_of(board: BenchBoard, axis: int = 0) -> tuple[int, int]:
 
 
 class TestFollowing:
+    @pytest.mark.slow
     @PERIODS
     def test_a_sine_against_exact_arithmetic(self, fast_kernel: Kernel, period_ms: int) -> None:
         """At every tick the demand is within a unit of the exact motion, on the way out and back."""

@@ -25,6 +25,7 @@ def moving(kernel: Kernel, axes: int = 1, config: StepConfig = CONFIG) -> BoardM
     return motion
 
 
+@pytest.mark.slow
 def test_an_unconfigured_axis_refuses_motion(kernel: Kernel) -> None:
     assert BoardMotion(kernel, 1).axes[0].push(1, 0, 1) is Refusal.TOO_FAST
 

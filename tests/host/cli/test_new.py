@@ -41,12 +41,6 @@ CASES: list[tuple[str, dict[str, str]]] = [
 ]
 
 
-def is_dear(kind: str, options: dict[str, str]) -> bool:
-    """Return whether a robot is one of many alike, or takes long to be checked, as arms of six joints do."""
-    alike = options.get("driver_profile", "a4988") != "a4988"
-    return alike or kind in ("warehouse-scara", "hybrid-arm") or (kind == "chain" and "joints" not in options)
-
-
 def short_move(robot_file: Path) -> str:
     """Return a CSV in which every joint goes from home to a little further into its range."""
     robot = load_robot_file(str(robot_file))
@@ -56,12 +50,10 @@ def short_move(robot_file: Path) -> str:
     return "".join(",".join(row) + "\n" for row in rows)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "options"),
-    [
-        pytest.param(*case, id="-".join([case[0], *case[1].values()]), marks=pytest.mark.slow if is_dear(*case) else ())
-        for case in CASES
-    ],
+    [pytest.param(*case, id="-".join([case[0], *case[1].values()])) for case in CASES],
 )
 def test_every_kind_makes_a_robot_that_runs(
     kind: str, options: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -55,6 +55,7 @@ def shadowing(heard: Heard, monkeypatch: pytest.MonkeyPatch, *words: str) -> int
     return run([*COMMAND, *words])
 
 
+@pytest.mark.slow
 def test_nothing_differs(
     estopped: tuple[Heard, int], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

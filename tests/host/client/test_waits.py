@@ -82,6 +82,7 @@ def test_all_axes_hold_the_same_records_until_the_input_has_its_level(board: Emb
         ]
 
 
+@pytest.mark.slow
 def test_an_input_that_has_its_level_costs_only_the_lead(board: EmbeddedBoard, machine: Machine) -> None:
     set_part(board, on=True)
     machine.run(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4),)), lambda _: None)
@@ -180,7 +181,8 @@ def test_a_time_out_is_named_though_its_last_records_are_lost(
     assert [axis.error_codes for axis in machine.axes] == [[]] * AXES
 
 
-@pytest.mark.parametrize(("on_after_s", "passes"), [(0.9, True), pytest.param(1.1, False, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("on_after_s", "passes"), [(0.9, True), (1.1, False)])
 def test_both_sides_of_the_time_out(board: EmbeddedBoard, machine: Machine, on_after_s: float, passes: bool) -> None:
     run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=1.0),)))
     go_on_until(machine, board, 0.4 + on_after_s)

@@ -38,6 +38,7 @@ def test_a_run_with_a_scenario_that_does_nothing_has_the_same_bytes(fast_kernel:
     assert scenario.faults[1].as_documented
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("trigger", "reason"),
     [

@@ -103,6 +103,7 @@ def test_an_emergency_stop_in_motion_keeps_the_position(
     assert session.machine.positions_units() == counted
 
 
+@pytest.mark.slow
 def test_nodes_without_process_data_are_stopped_by_sdo(board: EmbeddedBoard, session: Session) -> None:
     board.network.nmt.state = "PRE-OPERATIONAL"
     begin = len(board.bus_log)

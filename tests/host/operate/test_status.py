@@ -163,6 +163,7 @@ def test_watching_refreshes_in_place_on_a_terminal(
     assert max(map(len, shown)) <= columns
 
 
+@pytest.mark.slow
 def test_watching_as_json_prints_a_document_a_line(watched: Callable[..., str]) -> None:
     documents = [json.loads(line) for line in watched("--json").splitlines()]
     assert [document["robot"] for document in documents] == ["warehouse-scara"] * LOOKS

@@ -96,6 +96,7 @@ def test_a_timers_grid_passes_with_a_tolerance_for_it(name: str, grid_us: int) -
     assert judged(evidence, 1.5).reasons == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 3, 40])
 @pytest.mark.parametrize("name", RULES)
 @pytest.mark.parametrize("axis", [0, 1])

@@ -190,6 +190,7 @@ class TestOptions:
         told = complaint_of(lambda: pull(**{name: value}))
         assert told == message
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("name", "value"), [("L1_mm", "200"), ("L1_mm", "50"), ("ramp_s", "5"), ("sx_mm", "2e3"), ("duration_s", "600")]
     )

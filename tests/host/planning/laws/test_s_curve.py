@@ -58,6 +58,7 @@ def test_each_phase_is_one_cubic(law: SCurve) -> None:
         assert middle == pytest.approx(around @ weights, abs=1e-11 * abs(law.distance))
 
 
+@pytest.mark.slow
 @given(s_curves())
 def test_between_the_ramps_the_speed_is_constant(law: SCurve) -> None:
     t_s = np.linspace(law.ramp_s, law.duration_s - law.ramp_s, 11)[1:-1]

@@ -52,6 +52,7 @@ def test_other_cameras_are_refused(text: str) -> None:
         Camera.named(text)
 
 
+@pytest.mark.slow
 def test_a_film_shows_the_counted_machine() -> None:
     film = make_film(RUN)
     machine = RecordedMachine.of(RUN)

@@ -30,6 +30,7 @@ def fitted(seed: int, rule: str, moves: int | None = None) -> tuple[ClockFit, Cl
     return fit_clock(ideal, [SeenSteps(*steps) for steps in seen]), clock
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", RULES)
 def test_the_clock_is_found_whatever_the_rule(rule: str) -> None:
     """Rules that step late one way and early the other once looked like clocks that differ by up to 1000 ppm."""

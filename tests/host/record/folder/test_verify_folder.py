@@ -132,6 +132,7 @@ REPORTS: dict[str, tuple[Change, str]] = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", REPORTS)
 def test_a_report_that_was_changed_fails(
     name: str, store_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -170,6 +171,7 @@ def test_a_file_of_another_kind_fails(store_run: Path, tmp_path: Path, capsys: p
     assert capsys.readouterr().err == f"steptwin: {folder}/edges.npz: cannot be read: it is not an npz file\n"
 
 
+@pytest.mark.slow
 def test_another_motion_fails(store_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One point of th3 is moved by a tenth of a degree, two steps and a half."""
     folder = shutil.copytree(store_run, tmp_path / "copy")

@@ -42,6 +42,7 @@ def test_it_says_what_it_shows(robot: str) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_it_is_true_to_scale_and_shows_cloud_and_boundary() -> None:
     cloud, scanned = workspace_of("lab-scara")
     above, beside = draw_workspace(load_robot("lab-scara"), cloud, scanned).axes

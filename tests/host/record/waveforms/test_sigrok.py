@@ -33,7 +33,8 @@ def decoded(trace: Path, axis: str) -> np.ndarray[tuple[int, int], np.dtype[np.i
     return np.array([[int(number) for number in line.groups()] for line in lines if line], np.int64).reshape(-1, 3)
 
 
-@pytest.mark.parametrize("scale", ["1us", pytest.param("100ns", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("scale", ["1us", "100ns"])
 def test_sigrok_counts_the_drivers_steps(scale: str, carry_run: Path, tmp_path: Path) -> None:
     trace = tmp_path / "trace.vcd"
     assert run(["trace", str(carry_run), "--timescale", scale, "--out", str(trace)]) == 0

@@ -88,6 +88,7 @@ def test_the_borders_of_a_run_hold_on_both_sides(comparison: Comparison, ran: Mo
     assert stretch_of_drivers(comparison) == pytest.approx(stretch.limit)
 
 
+@pytest.mark.slow
 def test_edges_that_are_moved_in_time_are_those_of_a_slower_plan(ran: MotorRun) -> None:
     """The same way in one and a half times the time: planned so, or the faster run's edges moved: within 2 degrees."""
     slower = shoulder_turn(stretch=1.5)

@@ -40,6 +40,7 @@ def exact(fast_kernel: Kernel) -> Outcome:
     return outcome
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("crystals", [(100,), (-100,), (100, -100)])
 def test_a_motion_goes_on_and_the_verdict_tells_its_timing(
     crystals: tuple[int, ...], exact: Outcome, fast_kernel: Kernel

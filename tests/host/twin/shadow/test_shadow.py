@@ -235,16 +235,18 @@ def jogged(fast_kernel: Kernel) -> Real:
     return real
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 4))])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
 def test_a_jog_may_end_a_segment_earlier_or_later(jogged: Real, seed: int, fast_kernel: Kernel) -> None:
     """The ramp to rest waits for the end of the segment in execution, which is another one if the stamp is late."""
     told, _ = shadowed(ROBOT, jogged.heard(jitter_us=1500, seed=seed), fast_kernel, NEAR)
     assert told == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("part", "found"),
-    [pytest.param(0.8, False, marks=pytest.mark.slow), pytest.param(1.2, True, marks=pytest.mark.slow), (-1.2, True)],
+    [(0.8, False), (1.2, True), (-1.2, True)],
 )
 def test_a_jog_that_ends_elsewhere(jogged: Real, part: float, found: bool, fast_kernel: Kernel) -> None:
     """Its speed rises and falls once, each change within a segment of 16 ms; 2.25 ms are jitter."""

@@ -135,6 +135,7 @@ def test_out_of_reach() -> None:
         assert str(branch.reason(0)).startswith("shoulder to wrist ")
 
 
+@pytest.mark.slow
 def test_one_branch_is_the_same_as_among_all() -> None:
     kinematics = kinematics_of(arctos())
     poses = kinematics.forward(random_joints(arctos(), 50))
