@@ -4,10 +4,11 @@ import re
 from typing import Any, Final
 
 import typer
-from typer.core import TyperArgument, TyperCommand
+from typer.core import TyperArgument
 
 from docs.generate.commands import DOCS
-from steptwin.host.cli.app import EXAMPLES, program
+from steptwin.host.cli.app import CliCommand, command_named, program
+from steptwin.host.cli.commands import command_table
 from steptwin.host.studies.papers.paper_page import code, table
 
 COMMAND_LINE_PAGE: Final = DOCS / "command-line.md"
@@ -22,21 +23,19 @@ _MARK: Final = re.compile(r"([<>*_])")
 
 def render_command_line() -> str:
     """Return the whole page; it ends with a newline."""
-    group = program()
-    context = typer.Context(group, info_name="steptwin")
+    context = typer.Context(program(), info_name="steptwin")
     pieces = [_HEAD]
     title = ""
-    for name in group.list_commands(context):
-        command = group.get_command(context, name)
-        assert isinstance(command, TyperCommand)
-        if command.rich_help_panel != title:
-            title = str(command.rich_help_panel)
+    for name, row in command_table().items():
+        command = command_named(name)
+        if row.group != title:
+            title = row.group
             pieces.append(f"## {title}")
         pieces.append(_command(command, typer.Context(command, parent=context, info_name=name)))
     return "\n\n".join(pieces) + "\n"
 
 
-def _command(command: TyperCommand, context: Any) -> str:
+def _command(command: CliCommand, context: Any) -> str:
     """Return the section of a command: what it does, its usage, its parameters, its examples."""
     shown = [each for each in command.get_params(context) if not getattr(each, "hidden", False)]
     rows = [_row(each, context) for each in shown if not (isinstance(each, TyperArgument) and not each.help)]
@@ -47,7 +46,7 @@ def _command(command: TyperCommand, context: Any) -> str:
             _MARK.sub(r"\\\1", command.help or ""),
             code(" ".join(usage.split())),
             table(["", "means"], rows, text_columns=2),
-            code("\n".join(EXAMPLES[str(command.name)])),
+            code("\n".join(command.examples)),
         ]
     )
 

@@ -2,60 +2,89 @@
 
 import logging
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
+from importlib import import_module
 from io import TextIOWrapper
-from typing import Annotated, Any, Final, NamedTuple, TypeVar
+from types import MappingProxyType
+from typing import Annotated, Any, Final, TypeVar
 
 import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 from typer.exceptions import TyperException
+from typer.main import get_command_from_info
+from typer.models import CommandInfo
 
 from steptwin import __version__
-from steptwin.host.cli.options import with_groups
+from steptwin.host.cli.commands import command_table
 from steptwin.host.cli.output import say
+from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError, StepTwinError
 from steptwin.host.common.features import broken_features
 from steptwin.host.common.processes import collect_seldom
 
-VALUES_ALONE: Final[dict[str, dict[str, str]]] = {}
-"""By command, the options that may stand without a value, and the value that they have then."""
-
 
 class CliCommand(TyperCommand):
-    """A command whose help names arguments by words such as FILE, and whose options may stand alone."""
+    """A command whose help names arguments by words such as FILE, and whose options may stand alone.
+
+    Attributes:
+        examples: its examples, which stand at the end of its help.
+        values_alone: its options that may stand without a value, and the value that they have then.
+    """
+
+    examples: Sequence[str] = ()
+    values_alone: Mapping[str, str] = MappingProxyType({})
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        return super().parse_args(ctx, list(_with_values(args, VALUES_ALONE.get(self.name or "", {}))))
+        return super().parse_args(ctx, list(_with_values(args, self.values_alone)))
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         named = (each.display_name_raw for each in self.get_params(ctx) if isinstance(each, TyperArgument))
         return [self.options_metavar or "", *named]
 
     def format_help(self, ctx: Any, _formatter: Any) -> None:
-        _print_help(self, ctx)
+        from steptwin.host.cli.help_layout import print_help
+
+        print_help(self, ctx, ())
 
 
 class Commands(TyperGroup):
-    """The program itself, `steptwin`, with the same help."""
+    """The program itself, `steptwin`; it imports the module of a command when the command is called."""
+
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002
+        return list(command_table())
+
+    def get_command(self, ctx: Any, cmd_name: str) -> "CliCommand | None":  # noqa: ARG002
+        return command_named(cmd_name) if cmd_name in command_table() else None
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        if args[0] not in command_table():
+            raise unknown("command", args[0], command_table())
+        return super().resolve_command(ctx, args)
 
     def format_help(self, ctx: Any, _formatter: Any) -> None:
-        _print_help(self, ctx)
+        from steptwin.host.cli.help_layout import print_help
+
+        print_help(self, ctx, command_table().values())
 
 
-def _with_values(words: Sequence[str], alone: dict[str, str]) -> Iterator[str]:
+_imported: Final[dict[str, CliCommand]] = {}
+"""The commands whose modules have been imported, by name."""
+
+
+def command_named(name: str) -> CliCommand:
+    """Return a command of the table; import its module first."""
+    import_module(command_table()[name].module)
+    return _imported[name]
+
+
+def _with_values(words: Sequence[str], alone: Mapping[str, str]) -> Iterator[str]:
     """Yield the words of a command line; an option that stands alone gets its value."""
     for index, word in enumerate(words):
         if word == "--":
             yield from words[index:]
             return
         yield f"{word}={alone[word]}" if word in alone else word
-
-
-def _print_help(command: TyperCommand | TyperGroup, context: Any) -> None:
-    from steptwin.host.cli.help_layout import print_help
-
-    print_help(command, context)
 
 
 app: Final = typer.Typer(
@@ -67,24 +96,6 @@ app: Final = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
-
-class Group(NamedTuple):
-    """A group of commands in `steptwin --help`: a room here, with its modules as their commands stand there."""
-
-    title: str
-    room: str
-    modules: str
-
-
-GROUPS: Final = (
-    Group("Robots and maths", "robots", "listing poses workspace paper calibrate ros"),
-    Group("Run and verify", "run", "new check run verify campaign bench"),
-    Group("Live board", "live", "serve panel status monitor shadow move positions halting inject ros2_bridge"),
-    Group("Files and tools", "files", "convert trace plot motors show replay exports"),
-)
-
-EXAMPLES: Final[dict[str, list[str]]] = {}
-"""The two examples in each command's help."""
 
 _Function = TypeVar("_Function", bound=Callable[..., None])
 
@@ -101,18 +112,22 @@ def command(
     """
 
     def add(function: _Function) -> _Function:
+        from steptwin.host.cli.options import with_groups  # `steptwin --help` has no options of commands
+
         name = function.__name__.replace("_", "-")
-        room = function.__module__.split(".")[-2]
-        VALUES_ALONE[name] = alone or {}
-        EXAMPLES[name] = [f"steptwin {name} {words}".rstrip() for words in examples]
-        register = app.command(
+        texts = [f"steptwin {name} {words}".rstrip() for words in examples]
+        info = CommandInfo(
+            name,
             cls=CliCommand,
-            rich_help_panel=next(group.title for group in GROUPS if group.room == room),
+            callback=with_groups(function),
             help="\n\n".join(" ".join(text.split()) for text in (function.__doc__ or "").split("\n\n")),
-            epilog="\n".join(["Examples:", *EXAMPLES[name]]),
+            epilog="\n".join(["Examples:", *texts]),
             context_settings={"ignore_unknown_options": negatives},
         )
-        register(with_groups(function))
+        made = get_command_from_info(info, pretty_exceptions_short=False, rich_markup_mode=None)
+        assert isinstance(made, CliCommand)
+        made.examples, made.values_alone = texts, alone or {}
+        _imported[name] = made
         return function
 
     return add
@@ -181,7 +196,7 @@ def run(arguments: list[str]) -> int:
 
 @cache
 def program() -> TyperGroup:
-    """Return the parsers of all commands, built once for a process that runs several: that takes longer than most."""
+    """Return the parser of the program, made once for a process that runs several commands."""
     group = typer.main.get_command(app)
     assert isinstance(group, TyperGroup)
     return group

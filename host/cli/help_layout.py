@@ -4,7 +4,7 @@ typer has a layout like this one, but imports a Markdown parser, a highlighter o
 as long as all the rest of `--help`.
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Any, Final
 
 from rich.console import Console, Group
@@ -15,6 +15,8 @@ from rich.table import Table
 from rich.text import Text
 from rich.theme import Theme
 from typer.core import TyperArgument, TyperCommand, TyperGroup
+
+from steptwin.host.common.features import Command
 
 _STYLES: Final = Theme({"option": "bold cyan", "switch": "bold green", "usage": "yellow", "extra": "dim"})
 
@@ -33,8 +35,8 @@ class _Marks(RegexHighlighter):
 _marked: Final = _Marks()
 
 
-def print_help(command: TyperCommand | TyperGroup, context: Any) -> None:
-    """Print the help of the program or of a command; `context` is typer's."""
+def print_help(command: TyperCommand | TyperGroup, context: Any, table: Collection[Command]) -> None:
+    """Print the help of a command, or of the program with its table of commands; `context` is typer's."""
     console = Console(theme=_STYLES, highlighter=_marked)
     console.print(Padding(_marked(command.get_usage(context)), 1), style="bold")
     first, *others = (command.help or "").split("\n\n")
@@ -51,8 +53,8 @@ def print_help(command: TyperCommand | TyperGroup, context: Any) -> None:
         boxes.setdefault(title, []).append(parameter)
     for title, parameters in boxes.items():
         _print_box(console, title, _parameters(parameters, context))
-    if isinstance(command, TyperGroup):
-        _print_commands(console, command, context)
+    if table:
+        _print_commands(console, table)
     if command.epilog:
         console.print(Padding(_marked(Text(command.epilog)), 1))
 
@@ -81,18 +83,16 @@ def _parameters(parameters: Iterable[Any], context: Any) -> Table:
     return table
 
 
-def _print_commands(console: Console, group: TyperGroup, context: Any) -> None:
+def _print_commands(console: Console, commands: Collection[Command]) -> None:
     """Print a box for each group of commands, all with names of the same width."""
-    commands = [command for name in group.list_commands(context) if (command := group.get_command(context, name))]
-    width = max(len(command.name or "") for command in commands)
+    width = max(len(command.name) for command in commands)
     boxes: dict[str, Table] = {}
     for command in commands:
-        title = str(getattr(command, "rich_help_panel", None) or "Commands")
-        table = boxes.get(title)
+        table = boxes.get(command.group)
         if table is None:
-            table = boxes[title] = _table()
+            table = boxes[command.group] = _table()
             table.add_column(style="bold cyan", no_wrap=True, width=width)
             table.add_column(ratio=1)
-        table.add_row(command.name, _marked((command.help or "").partition("\n\n")[0]))
+        table.add_row(command.name, _marked(command.help))
     for title, table in boxes.items():
         _print_box(console, title, table)

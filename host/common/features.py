@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol
 
 if TYPE_CHECKING:
     from steptwin.emulator.simulation import Participant, Simulation
@@ -72,6 +72,26 @@ class FeatureJudge(Protocol):
         ...
 
 
+COMMAND_GROUPS: Final = ("Robots and maths", "Run and verify", "Live board", "Files and tools")
+"""Titles of the groups of commands in `steptwin --help`."""
+
+
+class Command(NamedTuple):
+    """A command of the command line, whose module is imported when it is called.
+
+    Attributes:
+        name: its name.
+        group: one of `COMMAND_GROUPS`.
+        help: its line in `steptwin --help`: the summary of its docstring.
+        module: the module with its function, which has the command's name, with `_` for `-`.
+    """
+
+    name: str
+    group: str
+    help: str
+    module: str
+
+
 MakePart = Callable[["Robot", Sequence[float], Sequence[int], Any, Collection[str] | None], MachinePart | None]
 """Makes a feature's part of one emulated machine; `Feature` says of what."""
 
@@ -99,6 +119,7 @@ class Feature:
         judge: returns the judge of its evidence.
         run_options: returns a dataclass of options of `steptwin run`: a `RunHook`.
         report_lines: returns lines of text for its part of a run's document.
+        commands: its commands.
     """
 
     name: str
@@ -117,6 +138,7 @@ class Feature:
     judge: "Callable[[], FeatureJudge] | None" = None
     run_options: Callable[[], type[Any]] | None = None
     report_lines: Callable[[Mapping[str, Any]], Iterable[str]] | None = None
+    commands: Sequence[Command] = ()
 
     def options_in(self, extras: Sequence[object]) -> Any:
         """Return this feature's options among those of all features; None if they are not there."""

@@ -5,14 +5,15 @@ import shlex
 from pathlib import Path
 
 import pytest
-from typer.core import TyperCommand, TyperGroup, TyperOption
+from typer.core import TyperOption
 
-from steptwin.host.cli.app import EXAMPLES, program, run
+from steptwin.host.cli.app import command_named, run
+from steptwin.host.cli.commands import command_table
 from steptwin.host.common.errors import BusError
 from steptwin.host.robots import load_robot
 
-NAMES = list(EXAMPLES)
-EVERY_EXAMPLE = [(name, example) for name, examples in EXAMPLES.items() for example in examples]
+NAMES = list(command_table())
+EVERY_EXAMPLE = [(name, example) for name in NAMES for example in command_named(name).examples]
 CHEAP = {"robots", "jobs", "fk", "ik", "sensitivity", "eds", "dbc"}
 WAITING = {"panel"}
 """Commands that wait for their board instead of ending without it."""
@@ -33,14 +34,6 @@ def words_of(example: str) -> list[str]:
     program, *words = shlex.split(example.partition(" > ")[0])
     assert program == "steptwin"
     return words
-
-
-def command_of(name: str) -> TyperCommand:
-    group = program()
-    assert isinstance(group, TyperGroup)
-    command = group.commands[name]
-    assert isinstance(command, TyperCommand)
-    return command
 
 
 def test_the_program_lists_its_commands_in_groups(capsys: pytest.CaptureFixture[str]) -> None:
@@ -65,7 +58,7 @@ def test_it_fits_80_columns(name: str, capsys: pytest.CaptureFixture[str], monke
     text = "\n".join(lines)
     assert "…" not in text
     assert not re.search(r"<\w", text), "a type of Python instead of a word"
-    for option in command_of(name).params if name else []:
+    for option in command_named(name).params if name else []:
         for word in (*option.opts, *(option.metavar or "").split()) if isinstance(option, TyperOption) else ():
             assert re.search(rf"│ .*{re.escape(word)}", text), word
 
@@ -74,15 +67,21 @@ def test_it_fits_80_columns(name: str, capsys: pytest.CaptureFixture[str], monke
 def test_it_ends_with_two_examples(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     lines = [line.strip() for line in shown(capsys, name)]
     at = lines.index("Examples:")
-    assert lines[at + 1 : at + 3] == EXAMPLES[name]
-    assert len(set(EXAMPLES[name])) == 2
-    assert all(words_of(example)[0] == name for example in EXAMPLES[name])
+    examples = command_named(name).examples
+    assert lines[at + 1 : at + 3] == examples
+    assert len(set(examples)) == 2
+    assert all(words_of(example)[0] == name for example in examples)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_its_line_in_the_table_is_its_summary(name: str) -> None:
+    assert (command_named(name).help or "").partition("\n\n")[0] == command_table()[name].help
 
 
 @pytest.mark.parametrize(("name", "example"), EVERY_EXAMPLE, ids=[example for _, example in EVERY_EXAMPLE])
 def test_an_example_is_understood(name: str, example: str) -> None:
     """Its options exist and their values are of the right kind; robots and joints are looked up later."""
-    command_of(name).make_context(name, words_of(example)[1:])
+    command_named(name).make_context(name, words_of(example)[1:])
 
 
 @pytest.mark.parametrize("example", [example for name, example in EVERY_EXAMPLE if name in CHEAP])

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from typer.core import TyperCommand
 
-from steptwin.host.cli.app import program
+from steptwin.host.cli.app import command_named
+from steptwin.host.cli.commands import command_table
 from tests.end_to_end.pages import ROOT, blocks_of
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -32,8 +32,8 @@ def test_commands_are_known(page: Path) -> None:
     """Parsed as if it were run, without running it: an unknown option or a word that is no choice raises."""
     for words in written_commands(page.read_text(encoding="utf-8")):
         name, *rest = words
-        command = program().commands.get(name)
-        assert isinstance(command, TyperCommand), words
+        assert name in command_table(), words
+        command = command_named(name)
         if "--help" not in rest:
             command.make_context(name, rest)
 

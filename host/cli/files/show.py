@@ -59,7 +59,7 @@ def animate(
     plan: PlanDir = None,
     replace: Replace = False,
 ) -> None:
-    """Show a stored run as a moving picture: the arm, its planned path and the counted one with its error magnified."""
+    """Show a stored run as a moving picture: the arm, its planned path and the counted one, its error magnified."""
     from steptwin.host.record.animation import Camera, Shot, check_kind, write_animation
     from steptwin.host.record.folder import read_run
 

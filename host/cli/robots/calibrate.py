@@ -147,7 +147,7 @@ def calibrate(
     out: str | None = option("DIR", "Folder to write the corrected robot file, figures and picture into."),
     replace: Replace = False,
 ) -> None:
-    """Find the real DH parameters of a machine from where its tool was measured, and what cannot be found from that.
+    """Find the real DH parameters of a machine from where its tool was measured, and what that cannot tell.
 
     Each line of the file is a pose: where the joints stood, and where the tool was, in the robot's world frame. The
     errors found go to the robot file in the folder, under [dh_errors]: `fk`, `check` and the reports of runs with this

@@ -5,9 +5,9 @@ import runpy
 from pathlib import Path
 
 import pytest
-import typer
 
-from steptwin.host.cli.app import app
+from steptwin.host.cli.app import command_named
+from steptwin.host.cli.commands import command_table
 from steptwin.host.operate.session import Session
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
@@ -42,9 +42,9 @@ def test_another_robots_command_is_refused(steptwin: CommandLine, command: str) 
 
 
 def test_every_live_command_can_be_forced() -> None:
-    commands = typer.main.get_group(app).commands
-    forced = {name for name in commands if any("--force" in option.opts for option in commands[name].params)}
-    live = {name for name, command in commands.items() if getattr(command, "rich_help_panel", "") == "Live board"}
+    table = command_table()
+    forced = {name for name in table if any("--force" in option.opts for option in command_named(name).params)}
+    live = {name for name, row in table.items() if row.group == "Live board"}
     assert len(live) == 19
     assert forced == live - {*WITHOUT_FORCE} | {"run"}
 
