@@ -19,6 +19,8 @@ from steptwin.emulator.board.edges import Int64Array
 from steptwin.emulator.drivers.driver import Driver
 from steptwin.emulator.drivers.driver_module import fitted
 from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
+from steptwin.features.motors.turning.after_run import rotors_after_run
+from steptwin.features.motors.turning.driving import Driving
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
@@ -29,8 +31,6 @@ from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 from steptwin.host.studies.step_methods.motions import AXES
 from steptwin.host.twin.embedded.execution import execute
-from steptwin.host.twin.motors.after_run import rotors_after_run
-from steptwin.host.twin.motors.driving import Driving
 from steptwin.protocol.drivers import PROFILES
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 

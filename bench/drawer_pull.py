@@ -26,12 +26,12 @@ from rich.table import Table
 from steptwin.bench import bench_table
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator import simulation
+from steptwin.features.campaigns.campaign import Campaign, JobMotion, MotionChoice, ScenarioChoice
+from steptwin.features.campaigns.workers import cluster, run_batch, run_on
 from steptwin.host.common.processes import collect_seldom
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
-from steptwin.host.studies.campaign.campaign import Campaign, JobMotion, MotionChoice, ScenarioChoice
-from steptwin.host.studies.campaign.workers import cluster, run_batch, run_on
 from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.verify import compare, verify_comparison
 from steptwin.protocol.frame import Frame

@@ -15,15 +15,18 @@ import numpy as np
 from rich.table import Table
 
 from steptwin.bench import bench_table
+from steptwin.features.fastest.chain import timed_chains
+from steptwin.features.fastest.corners import JointLeg, MotionLeg, ToolLeg, flowing
+from steptwin.features.fastest.drives import DriveAnswer
+from steptwin.features.fastest.executed import timed
+from steptwin.features.fastest.pieces import FollowedPath, Pace
+from steptwin.features.fastest.solve import fastest_squares
+from steptwin.features.motors.limits import motor_limits
+from steptwin.features.motors.turning import motors_of_run
+from steptwin.features.motors.turning.after_run import first_slip
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
-from steptwin.host.planning.fastest import DriveAnswer
-from steptwin.host.planning.fastest.chain import timed_chains
-from steptwin.host.planning.fastest.corners import JointLeg, MotionLeg, ToolLeg, flowing
-from steptwin.host.planning.fastest.executed import timed
-from steptwin.host.planning.fastest.pieces import FollowedPath, Pace
-from steptwin.host.planning.fastest.solve import fastest_squares
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.motions.tool_move import present_branch
@@ -35,9 +38,6 @@ from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.execution import execute
-from steptwin.host.twin.motor_limits import motor_limits
-from steptwin.host.twin.motors import motors_of_run
-from steptwin.host.twin.motors.after_run import first_slip
 
 ROBOT: Final = load_robot("teaching-scara")
 PICK: Final = np.array([[0.0, 90, 50, 0], [0, 90, 5, 0], [-60, 60, 5, 20], [-60, 60, 50, 20]])

@@ -16,8 +16,8 @@ import numpy as np
 from rich.table import Table
 
 from steptwin.bench import bench_table
-from steptwin.emulator.native import FirmwareProcess, interface_files
-from steptwin.emulator.native.library import NativeLibrary
+from steptwin.features.firmware.library import NativeLibrary
+from steptwin.features.firmware.process import FirmwareProcess, interface_files
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot

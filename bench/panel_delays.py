@@ -16,13 +16,13 @@ from rich.table import Table
 
 from steptwin.bench import bench_table, panel_page
 from steptwin.bench.live_server import Server, silence_python_can
+from steptwin.features.panel.desk.commands import DeclareHere, ResetFaults
+from steptwin.features.panel.desk.desk import Desk
+from steptwin.features.panel.desk.jogs import BEAT_S, Jog, JointJog, ToolJog
+from steptwin.features.panel.desk.requests import Command
+from steptwin.features.panel.desk.words import RefusedError
 from steptwin.host.client.drive_status import DriveStatus, at_rest
 from steptwin.host.client.links.bus_link import Connection
-from steptwin.host.panel.desk.commands import DeclareHere, ResetFaults
-from steptwin.host.panel.desk.desk import Desk
-from steptwin.host.panel.desk.jogs import BEAT_S, Jog, JointJog, ToolJog
-from steptwin.host.panel.desk.requests import Command
-from steptwin.host.panel.desk.words import RefusedError
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.frame import COB_SYNC, COB_TPDO, FIRST_NODE_ID

@@ -22,6 +22,8 @@ from steptwin.bench import bench_table
 from steptwin.bench.bulk_speed import BATCH, best_s
 from steptwin.bench.drawer_pull import bare_bus_s
 from steptwin.controller.motion.backend import Kernel
+from steptwin.features.arms.chain_geometry import ChainGeometry, axes_of
+from steptwin.features.arms.serial_arm import SerialArm
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.processes import collect_seldom
@@ -32,8 +34,6 @@ from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
 from steptwin.host.robots.kinematics.base import read_geometry
-from steptwin.host.robots.kinematics.serial.chain_geometry import ChainGeometry, axes_of
-from steptwin.host.robots.kinematics.serial.serial_arm import SerialArm
 from steptwin.host.robots.poses.rotations import matrix
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.execution import execute

@@ -13,12 +13,12 @@ from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.emulator.board.board import Board
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.bus.can_controller import CanController, unheard
-from steptwin.emulator.bus.simple_node import SimpleNode
-from steptwin.emulator.faults import Consequence, Schedule, Scheduled
-from steptwin.emulator.faults.bus import Babble, HostBitRate
-from steptwin.emulator.faults.harm import Operation
-from steptwin.emulator.faults.machine import PowerUp
-from steptwin.emulator.motors.rotor_watch import MotorWiring, RotorWatch
+from steptwin.features.faults.kinds import Consequence, Schedule, Scheduled
+from steptwin.features.faults.kinds.bus import Babble, HostBitRate
+from steptwin.features.faults.kinds.harm import Operation
+from steptwin.features.faults.kinds.machine import PowerUp
+from steptwin.features.motors.rotors.rotor_watch import MotorWiring, RotorWatch
+from steptwin.features.nodes.simple_node import SimpleNode
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND, COUNTS_PER_US
 

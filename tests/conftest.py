@@ -33,7 +33,7 @@ collect_ignore_glob = (
     else [
         "live/*",
         *(f"end_to_end/test_{name}.py" for name in ("bounded_planning", "full_disk", "hostile_files", "interrupts")),
-        "host/panel/page/test_planning_apart.py",
+        "features/panel/page/test_planning_apart.py",
     ]
 )
 """Tests that stop processes, limit what they may use, or look at them in /proc, as only Linux lets a test do."""

@@ -6,9 +6,9 @@ from typing import Final
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.cortex_m3.image import CompilerMissingError
+from steptwin.features.kernel_c.image import CompilerMissingError
 from steptwin.host.twin.machine.kernels import KERNELS
-from tests.emulator.kernel_c.native_kernel import native_kernel
+from tests.features.kernel_c.native_kernel import native_kernel
 
 FORMS: Final[dict[str, Callable[[], Kernel]]] = {**KERNELS, "c": native_kernel}
 

@@ -42,11 +42,11 @@ class Mutation:
 
 KERNEL, MOTION = "controller/motion/kernel.py", "tests/controller/motion"
 NODE, DRIVERS = "tests/controller/node tests/controller/modes", "tests/emulator/drivers"
-VERIFY, PLANNING, SHADOW = "tests/host/verify", "tests/host/planning", "tests/host/twin/shadow"
+VERIFY, PLANNING, SHADOW = "tests/host/verify", "tests/host/planning", "tests/features/shadow"
 DRIVE, CHIP = "controller/node/axis_drive.py", "emulator/drivers/chip.py"
 STATES, STOPS = "controller/node/power_states.py", "controller/node/stops.py"
 ORACLE, VERIFIER = "host/verify/oracle.py", "host/verify/verifier.py"
-PLANNER, COMPARED = "host/planning/planner.py", "host/twin/shadow/axes.py"
+PLANNER, COMPARED = "host/planning/planner.py", "features/shadow/axes.py"
 
 MUTATIONS: Final = (
     # --- kernel

@@ -17,23 +17,23 @@ from steptwin.controller.node import transmit_queue
 from steptwin.controller.node import transmit_queue as outbox
 from steptwin.emulator.live import live_simulation as stalls
 from steptwin.emulator.live import socketcand, tcp_server
+from steptwin.features.campaigns import results
+from steptwin.features.faults import reaction as reaction_times
+from steptwin.features.motors.turning import verdict
+from steptwin.features.panel.desk import jogs
+from steptwin.features.panel.desk import stops as shown
+from steptwin.features.panel.page import guard, server
+from steptwin.features.panel.page import plots_card as plot
 from steptwin.host.client import lease, links, shared_node, stream, waiting, waits
 from steptwin.host.client.links import socketcand_bus
 from steptwin.host.common import file_limits
 from steptwin.host.common import processes as slowness
-from steptwin.host.faults import reaction as reaction_times
 from steptwin.host.operate import running
-from steptwin.host.panel.desk import jogs
-from steptwin.host.panel.desk import stops as shown
-from steptwin.host.panel.page import guard, server
-from steptwin.host.panel.page import plots_card as plot
 from steptwin.host.planning.motions import composer
 from steptwin.host.planning.programs import paces
 from steptwin.host.planning.trajectory_file import points
 from steptwin.host.record import recorded_bus as reading
-from steptwin.host.studies.campaign import results
 from steptwin.host.twin.live import live_board
-from steptwin.host.twin.motors import verdict
 from steptwin.host.verify import gates, matching, oracle
 from steptwin.protocol import objects, od, pvt, timer
 from steptwin.protocol.objects import TPDO_DEFAULTS
@@ -139,7 +139,7 @@ def test_a_promised_figure_is_kept(promise: Promise) -> None:
 
 def in_the_browser(name: str) -> float:
     """Return a constant of the page's own script."""
-    script = (PROJECT / "host/panel/page/static/panel.js").read_text(encoding="utf-8")
+    script = (PROJECT / "features/panel/page/static/panel.js").read_text(encoding="utf-8")
     found = re.findall(rf"^ *const {name} = (\d+);", script, re.MULTILINE)
     assert len(found) == 1
     return int(found[0])

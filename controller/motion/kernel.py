@@ -9,7 +9,7 @@ and down when p reaches counter - H, with H = 1/2 + 1/16 step: the sixteenth is 
 
 The functions are written in an integer subset of Python over flat, indexable storage, as C for a Cortex-M3 would be.
 Run as plain Python on lists they are the reference: unbounded integers would show any overflow. Compiled by numba on
-int64 arrays (see `backend`) they give the same bits. `emulator/kernel_c` has them once more in C, where values have
+int64 arrays (see `backend`) they give the same bits. `features/kernel_c` has them once more in C, where values have
 widths: a change here is a change there too, and tests compare all bits. The storage is
 
     axes        AXIS_FIELDS integers for each axis,

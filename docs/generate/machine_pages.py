@@ -11,11 +11,11 @@ from typing import Any, Final
 
 from docs.generate.commands import DOCS, GeneratedPage, session
 from docs.generate.tables import ROBOTS
+from steptwin.features.faults.judge import longest_ramp_ms
+from steptwin.features.faults.reaction import Motion, Reaction
+from steptwin.features.faults.reactions import DOCUMENTED
+from steptwin.features.faults.requests import INJECTED, REQUESTS, STATE, does, keys_of, says, usage
 from steptwin.host.common.features import giving
-from steptwin.host.faults.judge import longest_ramp_ms
-from steptwin.host.faults.reaction import Motion, Reaction
-from steptwin.host.faults.reactions import DOCUMENTED
-from steptwin.host.faults.requests import INJECTED, REQUESTS, STATE, does, keys_of, says, usage
 from steptwin.host.robots import load_robot
 from steptwin.host.studies.papers.paper_page import table
 from steptwin.host.twin.machine.machine_options import SPELLING, MachineOptions
@@ -111,7 +111,7 @@ def _keys() -> str:
 
 CONTROL_PORT_PAGE: Final = GeneratedPage(
     "control-port",
-    "the harms in emulator/faults/",
+    "the harms in features/faults/kinds/",
     {"words": lambda _: _request_words(), "keys": lambda _: _keys()},
 )
 

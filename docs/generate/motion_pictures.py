@@ -9,6 +9,8 @@ from matplotlib.figure import Figure
 
 from docs.generate.commands import DOCS
 from docs.generate.pictures import write_picture
+from steptwin.features.motors.limits import motor_limits
+from steptwin.features.motors.turning import motors_of_run
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.planner import plan
@@ -20,8 +22,6 @@ from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.motor import JointMotor
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.execution import execute
-from steptwin.host.twin.motor_limits import motor_limits
-from steptwin.host.twin.motors import motors_of_run
 
 _ROBOT: Final = load_robot("teaching-scara")
 _SLOWER: Final = "#d08a1d"

@@ -11,7 +11,7 @@ from typing import Final
 from PIL import Image
 
 from steptwin.host.robots import load_robot
-from tests.host.panel.page.browser import NOT_SEEN, Browser, open_browser, panel_of
+from tests.features.panel.page.browser import NOT_SEEN, Browser, open_browser, panel_of
 
 FOLDER: Final = Path(__file__).parent.parent / "pictures" / "panel"
 _SIZE: Final = (1440, 1000)

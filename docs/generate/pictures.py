@@ -14,6 +14,8 @@ from matplotlib.patches import Rectangle
 
 from docs.generate.commands import DOCS
 from docs.generate.robots_page import PICTURE_KINDS, picture
+from steptwin.features.motors.sizing.motor_pictures import draw_torque
+from steptwin.features.motors.turning import motors_of_run
 from steptwin.features.shelf import shelf_of
 from steptwin.features.shelf.section import Shelf
 from steptwin.host.common.arrays import FloatArray
@@ -32,11 +34,9 @@ from steptwin.host.robots.new_file import robot_text, with_settings
 from steptwin.host.robots.robot import Robot
 from steptwin.host.studies.calibration import identify_errors, simulate_measurements
 from steptwin.host.studies.calibration.residuals import draw_residuals
-from steptwin.host.studies.motors.motor_pictures import draw_torque
 from steptwin.host.studies.papers.drawing import small_png
 from steptwin.host.studies.papers.study import Runs
 from steptwin.host.twin.embedded.execution import execute
-from steptwin.host.twin.motors import motors_of_run
 
 _DRAWN: Final = dict(zip(PICTURE_KINDS, ("tool-path", "joints", "error"), strict=True))
 """For each kind of picture on the page, its name in `steptwin.host.record.plots`."""

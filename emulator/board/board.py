@@ -19,9 +19,9 @@ from steptwin.emulator.bus.can_controller import CanController
 from steptwin.emulator.drivers.driver_bank import SUPPLIES, AxisTrace, DriverBank, DriverMonitor
 from steptwin.emulator.drivers.driver_module import Module
 from steptwin.emulator.drivers.output_follower import OutputFollower
-from steptwin.emulator.faults.harm import AxisSurroundings, BoardOperation, Surroundings
-from steptwin.emulator.faults.wiring import Condition, Wire
 from steptwin.emulator.world.switches import Switch, Travel
+from steptwin.features.faults.kinds.harm import AxisSurroundings, BoardOperation, Surroundings
+from steptwin.features.faults.kinds.wiring import Condition, Wire
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.dictionary import FlashPage
 from steptwin.protocol.frame import FIRST_NODE_ID

@@ -7,7 +7,7 @@ from typing import Final
 
 from steptwin.emulator.bus.can_controller import CanController, ErrorState
 from steptwin.emulator.bus.can_timing import INTERMISSION_BITS, UNSTUFFED_TAIL_BITS, VALID_BEFORE_END_BITS, frame_bits
-from steptwin.emulator.faults.bus import BusFault, FaultsInForce, StrikeEffect
+from steptwin.features.faults.kinds.bus import BusFault, FaultsInForce, StrikeEffect
 from steptwin.protocol.frame import BITRATES, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 

@@ -15,7 +15,7 @@ import numpy as np
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import NO_COUNTS, NO_LEVELS, Int8Array, Int64Array, levels_at
 from steptwin.emulator.drivers.terminals import LevelChange, TerminalEdges
-from steptwin.emulator.faults.wiring import Condition, Noise, Wire, WireState
+from steptwin.features.faults.kinds.wiring import Condition, Noise, Wire, WireState
 from steptwin.protocol.drivers import ActiveEdge
 
 

@@ -18,7 +18,7 @@ from steptwin.emulator.drivers.limits import Violations
 from steptwin.emulator.drivers.output_follower import OutputFollower
 from steptwin.emulator.drivers.outputs import ChipOutputs
 from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
-from steptwin.emulator.faults.wiring import Condition, Wire
+from steptwin.features.faults.kinds.wiring import Condition, Wire
 from steptwin.protocol.drivers import ActiveEdge
 
 SUPPLIES = (Rail.VDD, Rail.VM)

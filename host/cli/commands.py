@@ -4,259 +4,190 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Final
 
-from steptwin.host.common.features import COMMAND_GROUPS, Command, giving
+from steptwin.host.common.features import COMMAND_GROUPS, CommandRow, giving
 
 _ROBOTS, _RUN, _LIVE, _FILES = COMMAND_GROUPS
 _CLI: Final = "steptwin.host.cli"
 
 COMMANDS: Final = (
-    Command("robots", _ROBOTS, "List the robots that come with StepTwin.", f"{_CLI}.robots.listing"),
-    Command("jobs", _ROBOTS, "List a robot's jobs with their options.", f"{_CLI}.robots.listing"),
-    Command(
+    CommandRow("robots", _ROBOTS, "List the robots that come with StepTwin.", f"{_CLI}.robots.listing"),
+    CommandRow("jobs", _ROBOTS, "List a robot's jobs with their options.", f"{_CLI}.robots.listing"),
+    CommandRow(
         "fk", _ROBOTS, "Compute the tool's pose from joint positions (forward kinematics).", f"{_CLI}.robots.poses"
     ),
-    Command(
+    CommandRow(
         "ik",
         _ROBOTS,
         "Compute joint positions from a tool pose (inverse kinematics): every branch, and why one is out of reach.",
         f"{_CLI}.robots.poses",
     ),
-    Command(
+    CommandRow(
         "workspace",
         _ROBOTS,
         "Compute the workspace: random positions of all joints, and exact sections with the slides at home.",
         f"{_CLI}.robots.workspace",
     ),
-    Command(
+    CommandRow(
         "paper",
         _ROBOTS,
         "Go through the paper of a robot, item by item: its numbers, ours, and its misprints as printed and corrected.",
         f"{_CLI}.robots.paper",
     ),
-    Command(
+    CommandRow(
         "sensitivity",
         _ROBOTS,
         "Compute how far an error of each DH parameter takes the tool: the error transfer coefficients at a position.",
         f"{_CLI}.robots.calibrate",
     ),
-    Command(
+    CommandRow(
         "measure",
         _ROBOTS,
         "Simulate measurements of the tool for `calibrate`: random poses of a robot with errors in its DH parameters.",
         f"{_CLI}.robots.calibrate",
     ),
-    Command(
+    CommandRow(
         "calibrate",
         _ROBOTS,
         "Find the real DH parameters of a machine from where its tool was measured, and what that cannot tell.",
         f"{_CLI}.robots.calibrate",
     ),
-    Command(
-        "urdf",
-        _ROBOTS,
-        "Print a robot of the kind chain as a URDF: frames, axes, limits and speeds of its joints, in m and rad.",
-        f"{_CLI}.robots.ros",
-    ),
-    Command(
-        "ros2",
-        _ROBOTS,
-        "Write what ros2_canopen needs: bus.yml with scales and settings, the EDS, ros2_control's tag, the URDF.",
-        f"{_CLI}.robots.ros",
-    ),
-    Command(
+    CommandRow(
         "new",
         _RUN,
         "Write the file of a robot of your own, with comments: kind, dimensions, ranges and transmissions.",
         f"{_CLI}.run.new",
     ),
-    Command(
+    CommandRow(
         "check",
         _RUN,
         "Say everything that is wrong in a file at once; otherwise print what it amounts to.",
         f"{_CLI}.run.check",
     ),
-    Command(
+    CommandRow(
         "run",
         _RUN,
         "Run a job, a program or a trajectory file on an emulated board in virtual time and verify every pulse.",
         f"{_CLI}.run.run",
     ),
-    Command(
+    CommandRow(
         "verify",
         _RUN,
         "Verify a stored run again: same verdict and exit code as the run, or 1 if its files were changed.",
         f"{_CLI}.run.verify",
     ),
-    Command(
+    CommandRow(
         "capture",
         _RUN,
         "Tell what a logic analyser has recorded: channels, their shortest pulses, and which look like STEP and DIR.",
         f"{_CLI}.run.verify",
     ),
-    Command(
-        "campaign",
-        _RUN,
-        "Make many runs with random motions, faults and settings, and tell which failed in silence, and why.",
-        f"{_CLI}.run.campaign",
-    ),
-    Command(
+    CommandRow(
         "bench",
         _RUN,
         "Compare the kernel's step timing with a DDA, Bresenham and Austin's ramp on the same motions.",
         f"{_CLI}.run.bench",
     ),
-    Command("serve", _LIVE, "Run a robot's board, or several, in real time until Ctrl-C.", f"{_CLI}.live.serve"),
-    Command(
-        "panel", _LIVE, "Show a live machine in a browser, and operate it there, until Ctrl-C.", f"{_CLI}.live.panel"
-    ),
-    Command(
+    CommandRow("serve", _LIVE, "Run a robot's board, or several, in real time until Ctrl-C.", f"{_CLI}.live.serve"),
+    CommandRow(
         "doctor",
         _LIVE,
         "Check bus, nodes, drives, settings, inputs, supply, temperature and positions.",
         f"{_CLI}.live.status",
     ),
-    Command(
+    CommandRow(
         "status",
         _LIVE,
         "Show drives, positions, errors and queues. Exit code 3: a drive is in fault.",
         f"{_CLI}.live.status",
     ),
-    Command(
+    CommandRow(
         "monitor",
         _LIVE,
         "Show the traffic of a bus in CANopen's terms, without sending anything.",
         f"{_CLI}.live.monitor",
     ),
-    Command(
-        "shadow",
-        _LIVE,
-        "Let a twin hear what the hosts tell a running machine, and say where the real board does otherwise.",
-        f"{_CLI}.live.shadow",
-    ),
-    Command(
+    CommandRow(
         "home", _LIVE, "Home a live machine by its switches, then move it to its home position.", f"{_CLI}.live.move"
     ),
-    Command(
+    CommandRow(
         "move",
         _LIVE,
         "Move joints, or the tool by the branch that is reached soonest; all axes arrive together.",
         f"{_CLI}.live.move",
     ),
-    Command("jog", _LIVE, "Move a joint or the tool, by a step or at a speed until Ctrl-C.", f"{_CLI}.live.move"),
-    Command(
+    CommandRow("jog", _LIVE, "Move a joint or the tool, by a step or at a speed until Ctrl-C.", f"{_CLI}.live.move"),
+    CommandRow(
         "positions",
         _LIVE,
         "Save under a name where a live board stands; list the saved positions, or delete one.",
         f"{_CLI}.live.positions",
     ),
-    Command(
+    CommandRow(
         "pause",
         _LIVE,
         "Halt the running trajectory on its path; the program that streams it keeps the queue filled.",
         f"{_CLI}.live.halting",
     ),
-    Command("resume", _LIVE, "Continue a halted trajectory.", f"{_CLI}.live.halting"),
-    Command(
+    CommandRow("resume", _LIVE, "Continue a halted trajectory.", f"{_CLI}.live.halting"),
+    CommandRow(
         "speed",
         _LIVE,
         "Make the running trajectory slower or faster, on its path; the next one begins at 100 %.",
         f"{_CLI}.live.halting",
     ),
-    Command(
+    CommandRow(
         "stop",
         _LIVE,
         "Stop all axes together by a quick stop; they hold their positions afterwards.",
         f"{_CLI}.live.halting",
     ),
-    Command(
+    CommandRow(
         "estop",
         _LIVE,
         "Stop all axes together, switch their power off and hold them until `steptwin reset`.",
         f"{_CLI}.live.halting",
     ),
-    Command(
+    CommandRow(
         "reset",
         _LIVE,
         "Reset the drives' faults, and start nodes that are stopped; the drives are off afterwards.",
         f"{_CLI}.live.halting",
     ),
-    Command(
+    CommandRow(
         "outputs",
         _LIVE,
         "List the digital outputs by their names in the robot's file, or switch one.",
         f"{_CLI}.live.halting",
     ),
-    Command(
-        "inject",
-        _LIVE,
-        "Harm a served board: its e-stop, supply, sensors, switches, wires, drivers, motors, payload, logic and bus.",
-        f"{_CLI}.live.inject",
-    ),
-    Command(
-        "ros2-bridge",
-        _LIVE,
-        "Offer a live machine to ROS 2 through a rosbridge server, until Ctrl-C.",
-        f"{_CLI}.live.ros2_bridge",
-    ),
-    Command(
+    CommandRow(
         "convert",
         _FILES,
         "Write the motions of an AR4's or a PAROL6's program as a program of StepTwin: moves and pauses, step by step.",
         f"{_CLI}.files.convert",
     ),
-    Command(
+    CommandRow(
         "trace",
         _FILES,
         "Write the waveform of a stored run: every edge of every pin, or a part of it.",
         f"{_CLI}.files.trace",
     ),
-    Command("plot", _FILES, "Draw pictures of a stored run.", f"{_CLI}.files.plot"),
-    Command(
-        "motors",
-        _FILES,
-        "Turn the rotors of a stored run by its phase currents, with the arm's masses; exit code 1 if one slips.",
-        f"{_CLI}.files.motors",
-    ),
-    Command(
-        "view",
-        _FILES,
-        "Replay a stored run in a browser, until Ctrl-C: arm, joints, pins, currents and marks at any instant.",
-        f"{_CLI}.files.show",
-    ),
-    Command(
-        "animate",
-        _FILES,
-        "Show a stored run as a moving picture: the arm, its planned path and the counted one, its error magnified.",
-        f"{_CLI}.files.show",
-    ),
-    Command(
-        "replay",
-        _FILES,
-        "Play the hosts' frames of a recorded bus into the board again, in virtual time, and compare what it does.",
-        f"{_CLI}.files.replay",
-    ),
-    Command("eds", _FILES, "Print the axis nodes' electronic data sheet (CiA 306).", f"{_CLI}.files.exports"),
-    Command(
+    CommandRow("plot", _FILES, "Draw pictures of a stored run.", f"{_CLI}.files.plot"),
+    CommandRow("eds", _FILES, "Print the axis nodes' electronic data sheet (CiA 306).", f"{_CLI}.files.exports"),
+    CommandRow(
         "dbc",
         _FILES,
         "Print a CAN database (DBC): a robot's axes in mm and degrees, or eight axes in wire units.",
-        f"{_CLI}.files.exports",
-    ),
-    Command(
-        "kernel-c",
-        _FILES,
-        "Write the firmware's motion kernel as C11: header, source, an example and a README with units and limits.",
         f"{_CLI}.files.exports",
     ),
 )
 
 
 @cache
-def command_table() -> Mapping[str, Command]:
+def command_table() -> Mapping[str, CommandRow]:
     """Return every command by its name, in the order of the groups; the core's names are not replaced."""
     of_features = (row for _, rows in giving("commands") for row in rows)
     ordered = sorted((*COMMANDS, *of_features), key=lambda row: COMMAND_GROUPS.index(row.group))
-    table: dict[str, Command] = {}
+    table: dict[str, CommandRow] = {}
     for row in ordered:
         table.setdefault(row.name, row)
     return table

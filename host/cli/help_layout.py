@@ -16,7 +16,7 @@ from rich.text import Text
 from rich.theme import Theme
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
-from steptwin.host.common.features import Command
+from steptwin.host.common.features import CommandRow
 
 _STYLES: Final = Theme({"option": "bold cyan", "switch": "bold green", "usage": "yellow", "extra": "dim"})
 
@@ -35,7 +35,7 @@ class _Marks(RegexHighlighter):
 _marked: Final = _Marks()
 
 
-def print_help(command: TyperCommand | TyperGroup, context: Any, table: Collection[Command]) -> None:
+def print_help(command: TyperCommand | TyperGroup, context: Any, table: Collection[CommandRow]) -> None:
     """Print the help of a command, or of the program with its table of commands; `context` is typer's."""
     console = Console(theme=_STYLES, highlighter=_marked)
     console.print(Padding(_marked(command.get_usage(context)), 1), style="bold")
@@ -83,7 +83,7 @@ def _parameters(parameters: Iterable[Any], context: Any) -> Table:
     return table
 
 
-def _print_commands(console: Console, commands: Collection[Command]) -> None:
+def _print_commands(console: Console, commands: Collection[CommandRow]) -> None:
     """Print a box for each group of commands, all with names of the same width."""
     width = max(len(command.name) for command in commands)
     boxes: dict[str, Table] = {}

@@ -76,7 +76,7 @@ COMMAND_GROUPS: Final = ("Robots and maths", "Run and verify", "Live board", "Fi
 """Titles of the groups of commands in `steptwin --help`."""
 
 
-class Command(NamedTuple):
+class CommandRow(NamedTuple):
     """A command of the command line, whose module is imported when it is called.
 
     Attributes:
@@ -138,7 +138,7 @@ class Feature:
     judge: "Callable[[], FeatureJudge] | None" = None
     run_options: Callable[[], type[Any]] | None = None
     report_lines: Callable[[Mapping[str, Any]], Iterable[str]] | None = None
-    commands: Sequence[Command] = ()
+    commands: Sequence[CommandRow] = ()
 
     def options_in(self, extras: Sequence[object]) -> Any:
         """Return this feature's options among those of all features; None if they are not there."""
@@ -154,7 +154,7 @@ def registered() -> tuple[Mapping[str, Feature], Mapping[str, str]]:
     for point in sorted(entry_points(group=GROUP), key=lambda each: each.name):
         try:
             found[point.name] = point.load()
-        except (ImportError, AttributeError) as error:
+        except Exception as error:
             broken[point.name] = f"feature {point.name} of {_origin(point)} cannot be loaded: {error}; install it again"
     return found, broken
 

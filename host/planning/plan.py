@@ -169,7 +169,7 @@ def highest_speed(plan: Plan) -> HighestSpeed:
     return plan.highest_speed
 
 
-_MOTORS: Final = "steptwin.host.twin.motor_limits.override:held_speed"
+_MOTORS: Final = "steptwin.features.motors.limits.override:held_speed"
 """What knows motors: it is loaded by its name, since planning itself knows neither motors nor the emulated board."""
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pluggy import Result
 
     from steptwin.controller.motion.backend import Kernel
-    from steptwin.emulator.faults import Scheduled
+    from steptwin.features.faults.kinds import Scheduled
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.board_under_test import BoardUnderTest, ServedBoardUnderTest
     from steptwin.host.twin.machine.machine_options import MachineKeywords

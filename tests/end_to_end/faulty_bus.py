@@ -3,9 +3,9 @@
 from typing import Final
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.faults.bus import BusFault
-from steptwin.host.faults.scenario import Fault, Scenario
-from steptwin.host.faults.triggers import AtTime
+from steptwin.features.faults.kinds.bus import BusFault
+from steptwin.features.faults.scenario import Fault, Scenario
+from steptwin.features.faults.triggers import AtTime
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot

@@ -3,7 +3,7 @@
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.faults.bus import FrameCorruption, FrameDelay, FrameLoss, SenderOff
+from steptwin.features.faults.kinds.bus import FrameCorruption, FrameDelay, FrameLoss, SenderOff
 from steptwin.host.common.errors import BusError
 from steptwin.protocol.frame import COB_SYNC
 from tests.end_to_end.faulty_bus import MS, drawer_pull, strikes

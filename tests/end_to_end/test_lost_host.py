@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.faults.bus import FrameLoss
+from steptwin.features.faults.kinds.bus import FrameLoss
 from steptwin.host.twin.embedded.outcome import Outcome
 from tests.end_to_end.faulty_bus import MS, drawer_pull
 

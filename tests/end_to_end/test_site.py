@@ -10,7 +10,7 @@ from urllib.parse import unquote, urlsplit
 import pytest
 
 from tests.end_to_end.pages import ROOT
-from tests.host.panel.page.browser import AXE, CHROMIUM, DRIVER, open_browser
+from tests.features.panel.page.browser import AXE, CHROMIUM, DRIVER, open_browser
 
 pytest.importorskip("sphinx", reason="sphinx is not installed: the site is not built")
 pytest.importorskip("furo", reason="furo is not installed: the site is not built")

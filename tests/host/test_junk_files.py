@@ -9,13 +9,14 @@ from typing import Any, Final
 
 import pytest
 
+from steptwin.features.campaigns.campaign import Sources
+from steptwin.features.campaigns.reader import parse_campaign
 from steptwin.host.cli.run.check import check_program, check_scenario
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.robots import brought_text, read_robot
-from steptwin.host.studies.campaign import Sources, parse_campaign
+from tests.features.campaigns.campaigns import SMALL
 from tests.host.robots.coupled import coupled_text
-from tests.host.studies.campaign.campaigns import SMALL
 from tests.junk import junk_documents, toml_of
 
 DOCS: Final = Path(__file__).parents[2] / "docs"

@@ -17,7 +17,7 @@ pytest.importorskip("selenium", reason="selenium is not installed")
 
 from steptwin.host.cli.app import run
 from tests.end_to_end.served import in_real_time
-from tests.host.panel.page.browser import (
+from tests.features.panel.page.browser import (
     AXE,
     CHROMIUM,
     DRIVER,

@@ -12,11 +12,14 @@ from typing import Final
 
 import pytest
 
+from steptwin.features.campaigns import workers as workers_module
+from steptwin.features.campaigns.campaign import Campaign
+from steptwin.features.campaigns.results import Results
+from steptwin.features.campaigns.row import Row
+from steptwin.features.campaigns.workers import cluster, run_here, run_on
 from steptwin.host.cli.app import run
-from steptwin.host.studies.campaign import Campaign, Results, Row, cluster, run_here, run_on
-from steptwin.host.studies.campaign import workers as workers_module
 from tests.emulator.live.live_rig import TIMEOUT_S, await_true
-from tests.host.studies.campaign.campaigns import SMALL, campaign_of
+from tests.features.campaigns.campaigns import SMALL, campaign_of
 
 RUNS: Final = 24
 _LISTENING: Final = re.compile(r"Scheduler at:\s+(tcp://\S+)")

@@ -11,9 +11,9 @@ import pytest
 
 from steptwin.host.client.control_client import ControlClient
 from steptwin.host.common.errors import InputError
-from tests.emulator.bus.test_simple_node import EDS, ID
 from tests.emulator.live.live_rig import TIMEOUT_S
 from tests.end_to_end.served import in_real_time, serving
+from tests.features.nodes.test_simple_node import EDS, ID
 
 INPUTS = "0x6000:01"
 

@@ -21,8 +21,7 @@ from steptwin.host.common.errors import BusError
 from steptwin.host.operate.recovering import axis_states
 from steptwin.host.operate.session import Session
 from steptwin.host.robots import load_robot
-from tests.host.client.test_bus_link import free_port
-from tests.host.panel.page.browser import (
+from tests.features.panel.page.browser import (
     AXE,
     CHROMIUM,
     DRIVER,
@@ -32,6 +31,7 @@ from tests.host.panel.page.browser import (
     open_browser,
     panel_of,
 )
+from tests.host.client.test_bus_link import free_port
 from tests.live.held_network import HeldNetwork
 
 pytestmark = pytest.mark.skipif(

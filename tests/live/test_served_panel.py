@@ -13,9 +13,9 @@ pytest.importorskip("nicegui", reason="the extra `panel` is not installed")
 from steptwin.host.common.listening import listen
 from tests.emulator.live.live_rig import TIMEOUT_S
 from tests.end_to_end.command_line import PROGRAM
-from tests.host.panel.page.browser import children_of
+from tests.features.panel.page.browser import children_of
 
-MODULE = [sys.executable, "-m", "steptwin.host.cli.live.served_panel"]
+MODULE = [sys.executable, "-m", "steptwin.features.panel.served"]
 WORDS = ["panel", "lab-scara", "--connect", "127.0.0.1:1", "--port", "0"]
 """A panel waits for its board: no board is needed here."""
 SERVE = [*PROGRAM, "serve", "lab-scara", "--port", "0"]

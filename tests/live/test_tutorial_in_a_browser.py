@@ -9,14 +9,14 @@ import pytest
 pytest.importorskip("nicegui", reason="the extra `panel` is not installed")
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.faults.limit_switches import StuckSwitch
-from steptwin.emulator.faults.machine import EmergencyStop
+from steptwin.features.faults.kinds.limit_switches import StuckSwitch
+from steptwin.features.faults.kinds.machine import EmergencyStop
+from steptwin.features.panel.desk.commands import HomeAll, ResetFaults, RunMotion
+from steptwin.features.panel.desk.desk import Desk
+from steptwin.features.panel.desk.jogs import JointJog, ToolJog
+from steptwin.features.panel.desk.words import RefusedError
+from steptwin.features.view.model import Replay
 from steptwin.host.cli.app import run
-from steptwin.host.panel.desk.commands import HomeAll, ResetFaults, RunMotion
-from steptwin.host.panel.desk.desk import Desk
-from steptwin.host.panel.desk.jogs import JointJog, ToolJog
-from steptwin.host.panel.desk.words import RefusedError
-from steptwin.host.panel.replay.model import Replay
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
@@ -24,7 +24,7 @@ from steptwin.host.twin.live.served_board import ServedBoard
 from steptwin.protocol.cia402 import DigitalInput
 from tests.emulator.live.live_rig import await_true
 from tests.end_to_end.served import in_real_time
-from tests.host.panel.desk.rig import ANN, Rig, connection
+from tests.features.panel.desk.rig import ANN, Rig, connection
 
 LAB = load_robot("lab-scara")
 SPIRAL = plan(LAB, make_job(LAB, "spiral"))

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import steptwin
-from steptwin.emulator.faults.harm import BoardOperation, Harm
+from steptwin.features.faults.kinds.harm import BoardOperation, Harm
 from steptwin.protocol.objects import ENTRIES
 from steptwin.protocol.od import REVISION_NUMBER, SOFTWARE_VERSION
 from tests.package.wheels import ROOT

@@ -11,8 +11,8 @@ from zipfile import ZipFile
 import pytest
 
 import steptwin
-from steptwin.emulator.kernel_c import kernel_files
-from steptwin.host.studies.campaign.campaign import digest_of
+from steptwin.features.campaigns.campaign import digest_of
+from steptwin.features.kernel_c.layout import kernel_files
 from tests.package.wheels import ROOT, build, contents, install, run_installed
 
 pytestmark = pytest.mark.slow
@@ -64,7 +64,7 @@ def test_the_wheel_has_every_module_of_the_checkout(wheel: Path) -> None:
     assert {f"steptwin/{module.as_posix()}" for module in modules} <= names
     assert {"steptwin/__main__.py", "steptwin/py.typed", "steptwin/host/robots/papers/lab-scara.toml"} <= names
     assert "steptwin/host/studies/papers/lab.toml" in names
-    assert {f"steptwin/emulator/kernel_c/{name}" for name in kernel_files()} <= names
+    assert {f"steptwin/features/kernel_c/{name}" for name in kernel_files()} <= names
 
 
 def test_the_wheel_has_no_benchmarks(wheel: Path) -> None:

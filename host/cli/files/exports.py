@@ -1,12 +1,8 @@
-"""`steptwin eds`, `dbc [ROBOT]` and `kernel-c DIR`: describe the boards for other tools; their motion kernel as C."""
-
-from dataclasses import MISSING
-from pathlib import Path
+"""`steptwin eds` and `dbc [ROBOT]`: describe the boards for other tools."""
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import Replace, RobotFile, RobotName, RobotOptions, keep_files
-from steptwin.host.cli.options import argument
-from steptwin.host.cli.output import print_text, say
+from steptwin.host.cli.arguments import RobotFile, RobotName, RobotOptions
+from steptwin.host.cli.output import print_text
 
 
 @command("", "> axis.eds")
@@ -32,20 +28,3 @@ def dbc(robot: RobotName = None, robot_file: RobotFile = None) -> None:
             for i, joint in enumerate(loaded.axes)
         )
     print_text(render_dbc(axes))
-
-
-@command("firmware/kernel", ".")
-def kernel_c(
-    folder: str = argument("DIR", "Folder to write the files into; made if missing.", MISSING),
-    replace: Replace = False,
-) -> None:
-    """Write the firmware's motion kernel as C11: header, source, an example and a README with units and limits."""
-    from steptwin.host.common.whole_file import write_whole
-    from steptwin.host.twin.machine.kernels import kernel_files
-
-    target, files = Path(folder), kernel_files()
-    keep_files((target / name for name in files), replace=replace)
-    target.mkdir(parents=True, exist_ok=True)
-    for name, text in files.items():
-        write_whole(target / name, text)
-    say(f"the kernel is in {target}/: begin with README.md")

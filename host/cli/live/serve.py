@@ -7,6 +7,7 @@ from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from steptwin.features.faults.on_purpose import end_unless_struck, print_struck
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AnswerOptions, RobotName, RobotOptions, machine_for, naming_machine_options
 from steptwin.host.cli.live.served_programs import (
@@ -19,7 +20,6 @@ from steptwin.host.cli.live.served_programs import (
 )
 from steptwin.host.cli.options import option, switch
 from steptwin.host.cli.output import Columns, print_rows, say, say_compiling, warn
-from steptwin.host.cli.run.faults_on_purpose import end_unless_struck, print_struck
 from steptwin.host.cli.run.verdict_text import USUAL_DRIVERS
 from steptwin.host.common import listening as socketcand
 from steptwin.host.common.errors import BusError, InputError, RecordingError
@@ -27,10 +27,10 @@ from steptwin.host.common.processes import ClockStood, Slowness, collecting_ofte
 from steptwin.host.twin.machine.machine_options import MachineOptions
 
 if TYPE_CHECKING:
+    from steptwin.features.motors.turning.figures import RotorFigures
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.live.live_board import LiveBoard
     from steptwin.host.twin.live.served_board import ServedBoard
-    from steptwin.host.twin.motors.figures import RotorFigures
 
 
 _STATUS_EVERY_S = 0.5
@@ -147,8 +147,8 @@ def serve(
 
 def _warn_of_steep_homings(robot: "Robot", other_drivers: str | None) -> None:
     """Warn of each joint whose motor stalls as it is homed: without encoders the board would not know."""
+    from steptwin.features.motors.turning.ramps import steep_homings
     from steptwin.host.twin.machine.drivers import driver_profile
-    from steptwin.host.twin.motors.ramps import steep_homings
 
     for line in steep_homings(robot, driver_profile(robot.board, other_drivers)):
         warn(line)

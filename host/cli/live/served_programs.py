@@ -97,7 +97,7 @@ def panel_process(*, wanted: bool, to_stderr: bool) -> Iterator[Callable[[Sequen
         yield lambda _words: None
         return
     process = subprocess.Popen(
-        [sys.executable, "-m", "steptwin.host.cli.live.served_panel"],
+        [sys.executable, "-m", "steptwin.features.panel.served"],
         stdin=subprocess.PIPE,
         stdout=sys.stderr if to_stderr else None,
         text=True,

@@ -22,11 +22,10 @@ from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import toml_table
 
 if TYPE_CHECKING:
+    from steptwin.features.campaigns.campaign import Campaign, MotionChoice, ScenarioChoice
     from steptwin.host.planning.peaks import Peak
     from steptwin.host.planning.programs import CompiledProgram, Program, StepRow
     from steptwin.host.robots.robot import Robot
-    from steptwin.host.studies.campaign import Campaign
-    from steptwin.host.studies.campaign.campaign import MotionChoice, ScenarioChoice
 
 
 @command("my-arm.toml", "docs/programs/teaching-scara.toml")
@@ -93,8 +92,8 @@ _KINDS: Final[Mapping[str, tuple[str, ...]]] = {
 
 def check_program(folder: Path, text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
     """Check a program in a folder for a robot, by default for the one that it names."""
+    from steptwin.features.motors.limits import motor_forecast, motor_limits
     from steptwin.host.planning.programs import check_names, compile_program, parse_program
-    from steptwin.host.twin.motor_limits import motor_forecast, motor_limits
 
     program = parse_program(text, findings, folder)
     robot = _robot(program, robot_name, findings)
@@ -207,8 +206,8 @@ def _percent_text(peak: "Peak | None") -> str:
 
 def check_scenario(text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
     """Check a scenario for a robot, whose joints, switches and inputs its faults name."""
-    from steptwin.host.faults.requests import request_of
-    from steptwin.host.faults.scenario import parse_scenario
+    from steptwin.features.faults.requests import request_of
+    from steptwin.features.faults.scenario import parse_scenario
     from steptwin.host.robots import load_robot
 
     robot = None
@@ -261,7 +260,8 @@ _FAULTS: Final[Columns] = {
 
 def _check_campaign(file: str, text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
     """Check a campaign, which names its robots itself, and the files that it names."""
-    from steptwin.host.studies.campaign import Sources, parse_campaign
+    from steptwin.features.campaigns.campaign import Sources
+    from steptwin.features.campaigns.reader import parse_campaign
 
     with findings.collecting():
         if robot_name is not None:

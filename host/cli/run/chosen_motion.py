@@ -13,7 +13,7 @@ from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
-    from steptwin.host.planning.fastest import DriveLimits
+    from steptwin.features.fastest.drives import DriveLimits
     from steptwin.host.planning.plan import Plan
     from steptwin.host.planning.polygon import Departure
     from steptwin.host.planning.trajectory import Trajectory
@@ -103,8 +103,8 @@ class SpeedOptions:
         """Return the motors that limit the motion; None without the option."""
         if self.left_percent is None:
             return None
-        from steptwin.host.planning.fastest import AskedLimits
-        from steptwin.host.twin.motor_limits import motor_limits
+        from steptwin.features.fastest.drives import AskedLimits
+        from steptwin.features.motors.limits import motor_limits
 
         with prefixed("--left-percent: "):
             return AskedLimits(self.left_percent).drives(robot, motor_limits)
@@ -193,7 +193,7 @@ def choose_motion(
     robot: "Robot", job: str, options: dict[str, str], file_options: FileOptions, speed_options: SpeedOptions
 ) -> ChosenMotion:
     """Return the motion that a command line names; raise InputError, with the option, if the robot cannot make it."""
-    from steptwin.host.twin.motor_limits import motor_forecast
+    from steptwin.features.motors.limits import motor_forecast
 
     trajectory, file, explained, is_foretold = _motion(robot, job, options, file_options, speed_options.drives(robot))
     plan = _planned(robot, trajectory, speed_options, explained)
@@ -248,8 +248,8 @@ def _motion(
 
 
 def _program(robot: "Robot", path: str, options: dict[str, str]) -> _Motion:
+    from steptwin.features.motors.limits import motor_limits
     from steptwin.host.planning.programs import compile_program, read_program
-    from steptwin.host.twin.motor_limits import motor_limits
 
     if options:
         raise InputError(f"option {next(iter(options))}: a program has no options")

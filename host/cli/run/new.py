@@ -22,8 +22,8 @@ from steptwin.host.common.whole_file import write_whole
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from steptwin.features.urdf.urdf_robot import RobotOfUrdf
     from steptwin.host.robots.robot import Dimension
-    from steptwin.host.robots.urdf.urdf_robot import RobotOfUrdf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +37,7 @@ class UrdfOptions:
 
     def robot(self, name: str, kind: str | None, given: dict[str, str]) -> "RobotOfUrdf | None":
         """Return the robot of the URDF; None without one. Raises InputError for options that do not go together."""
-        from steptwin.host.robots.urdf.urdf_robot import KIND, UrdfSource
+        from steptwin.features.urdf.urdf_robot import KIND, UrdfSource
 
         if self.urdf is None:
             if alone := next(iter(given_options(self)), None):

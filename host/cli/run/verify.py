@@ -17,11 +17,13 @@ from steptwin.host.common.errors import DeviceFaultError, InputError, NotVerifie
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from steptwin.features.captures.capture import Capture
+    from steptwin.features.captures.channel_map import AxisSignals
+    from steptwin.features.captures.clock_fit import ClockFit
+    from steptwin.features.captures.judging import CapturedRun, CaptureJudge
     from steptwin.host.planning.plan import Plan
-    from steptwin.host.record.captures import AxisSignals, Capture, ClockFit
     from steptwin.host.record.folder import FolderVerdict
     from steptwin.host.robots.robot import Robot
-    from steptwin.host.twin.captured import CapturedRun, CaptureJudge
 
 
 _UNITS_S: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -55,7 +57,7 @@ class CaptureOptions:
 
     def judge(self) -> "CaptureJudge":
         """Return how the capture is judged; raise InputError for a value that is wrong."""
-        from steptwin.host.twin.captured import CaptureJudge
+        from steptwin.features.captures.judging import CaptureJudge
 
         exact = self.clock_ppm == _EXACT
         if not self.tolerance_steps > 0.0:
@@ -145,7 +147,8 @@ def capture(
     rate: _SampleRate = option("RATE", "Sampling rate, such as 24MHz, if the file does not tell it."),
 ) -> None:
     """Tell what a logic analyser has recorded: channels, their shortest pulses, and which look like STEP and DIR."""
-    from steptwin.host.record.captures import capture_facts, read_capture
+    from steptwin.features.captures.channel_map import capture_facts
+    from steptwin.features.captures.reading import read_capture
 
     with naming_options("rate"):
         facts = capture_facts(read_capture(file, rate))
@@ -161,8 +164,8 @@ def _time_s(text: str, name: str) -> float:
 
 def _verify_capture(answer: AnswerOptions, options: CaptureOptions, plan: Path | None) -> None:
     """Verify a capture beside a plan, a folder or `ROBOT JOB`; without one tell steps, rates and limits."""
-    from steptwin.host.record.captures import read_capture
-    from steptwin.host.twin.captured import judge_capture
+    from steptwin.features.captures.judging import judge_capture
+    from steptwin.features.captures.reading import read_capture
 
     begun_s, judge = perf_counter(), options.judge()
     with _naming():
@@ -192,8 +195,8 @@ def _verify_capture(answer: AnswerOptions, options: CaptureOptions, plan: Path |
 
 def _tell_alone(answer: AnswerOptions, options: CaptureOptions, robot: "Robot", judge: "CaptureJudge") -> None:
     """Tell steps, rates and limits of a capture without a plan."""
-    from steptwin.host.record.captures import read_capture
-    from steptwin.host.twin.captured import judge_alone
+    from steptwin.features.captures.judging import judge_alone
+    from steptwin.features.captures.reading import read_capture
 
     if options.out is not None:
         raise InputError("--out: needs --plan, beside which the folder shows the capture")
@@ -244,7 +247,7 @@ def _of_words(words: list[str]) -> "tuple[Robot, str, Plan | None]":
 def _by_driver(
     robot: "Robot", capture: "Capture", signals: "Sequence[AxisSignals]", clock: "ClockFit"
 ) -> list[dict[str, Any]]:
-    from steptwin.host.twin.captured import by_each_driver
+    from steptwin.features.captures.each_driver import by_each_driver
 
     return [each.to_dict() for each in by_each_driver(capture, robot, signals, clock)]
 

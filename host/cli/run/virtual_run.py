@@ -7,20 +7,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
+from steptwin.features.faults.on_purpose import print_faults, telling_of_faults
+from steptwin.features.motors.report import check_motors, keep_motors, motors_of, print_motors, telling_time
 from steptwin.host.cli.app import end_unless
 from steptwin.host.cli.arguments import AnswerOptions, finite_number, machine_for, naming_machine_options, run_folder
 from steptwin.host.cli.options import MACHINE_PANEL, Without, given_options, of_features, option
 from steptwin.host.cli.output import progress_bar, say, say_compiling
 from steptwin.host.cli.run.chosen_motion import ChosenMotion
-from steptwin.host.cli.run.faults_on_purpose import print_faults, telling_of_faults
 from steptwin.host.cli.run.hooks import PreparedRun, RunHook
-from steptwin.host.cli.run.motor_report import (
-    check_motors,
-    keep_motors,
-    motors_of,
-    print_motors,
-    telling_time,
-)
 from steptwin.host.cli.run.verdict_text import fault_line, print_report
 from steptwin.host.common.choices import LEVELS, MotorsTurn
 from steptwin.host.common.errors import DeviceFaultError, InputError
@@ -28,12 +22,12 @@ from steptwin.host.common.extras import installing
 from steptwin.host.twin.machine.machine_options import MachineOptions, merged
 
 if TYPE_CHECKING:
+    from steptwin.features.motors.turning import MotorRun
     from steptwin.host.planning.plan import Plan
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.embedded.outcome import Outcome
     from steptwin.host.twin.machine.input_changes import InputChange
     from steptwin.host.twin.machine.kernels import Kernel
-    from steptwin.host.twin.motors import MotorRun
 
 
 KernelName = Literal["auto", "python", "numba", "cortex-m3"]

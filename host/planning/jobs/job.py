@@ -6,10 +6,11 @@ from typing import Any, Final, Generic
 
 import numpy as np
 
+from steptwin.features.fastest.again import FASTEST, fastest_again
+from steptwin.features.fastest.drives import DriveLimits, check_drives
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.checks import check_positions
-from steptwin.host.planning.fastest import FASTEST, DriveLimits, check_drives, fastest_again
 from steptwin.host.planning.jobs.options import (
     OptionField,
     Options,

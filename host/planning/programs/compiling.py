@@ -9,13 +9,14 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from steptwin.features.fastest.corners import CornerError
+from steptwin.features.fastest.drives import DriveAnswer, MakeDrives
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings, check_all
 from steptwin.host.common.planning_time import check_planning_time, in_planning_time, planning_step
 from steptwin.host.planning import checks
-from steptwin.host.planning.fastest import CornerError, DriveAnswer, MakeDrives
 from steptwin.host.planning.motions.composer import Sequence
 from steptwin.host.planning.motions.tool_move import ToolMove
 from steptwin.host.planning.no_way import NO_WAY

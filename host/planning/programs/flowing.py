@@ -8,20 +8,12 @@ from typing import Final
 
 import numpy as np
 
+from steptwin.features.fastest.chain import ChainDrives, TimedChain, timed_chains
+from steptwin.features.fastest.corners import JointLeg, MotionLeg, ToolLeg
+from steptwin.features.fastest.drives import DriveAnswer, DriveLimits, LoadChange
+from steptwin.features.fastest.pieces import FollowedPath
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.fastest import (
-    ChainDrives,
-    DriveAnswer,
-    DriveLimits,
-    FollowedPath,
-    JointLeg,
-    LoadChange,
-    MotionLeg,
-    TimedChain,
-    ToolLeg,
-    timed_chains,
-)
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.motions.held import TimeSpan
 from steptwin.host.planning.paths import ToolPath

@@ -8,10 +8,10 @@ from typing import Final
 
 import numpy as np
 
+from steptwin.features.fastest.drives import DriveLimits
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.fastest import DriveLimits
 from steptwin.host.planning.laws import Law, SCurve, time_at
 from steptwin.host.planning.motions.composer import JERK_TIME_S, Composer
 from steptwin.host.planning.motions.joint_move import limits_along

@@ -7,6 +7,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
+from steptwin.features.fastest.drives import AskedLimits
+from steptwin.features.gcode.gcode_step import GCODE_KEYS, GcodeStep
 from steptwin.host.common.bad_input import nearest, prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import features
@@ -14,10 +16,8 @@ from steptwin.host.common.file_limits import GCODE_BYTES_MAX, PROGRAM_BYTES_MAX,
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import Reading, Table, toml_table
-from steptwin.host.planning.fastest import AskedLimits
 from steptwin.host.planning.paths import Smoothing
 from steptwin.host.planning.programs import steps
-from steptwin.host.planning.programs.gcode_step import GCODE_KEYS, GcodeStep
 from steptwin.host.planning.programs.paces import (
     RAMP_S,
     SPEED_PERCENT,

@@ -12,11 +12,12 @@ from typing import Final
 
 import numpy as np
 
+from steptwin.features.fastest.again import FASTEST, fastest_again
+from steptwin.features.fastest.drives import DriveLimits
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import apart, whole_ms
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.checks import NotAtRestError, OutsideError, TooFastError
-from steptwin.host.planning.fastest import FASTEST, DriveLimits, fastest_again
 from steptwin.host.planning.motions.composer import Sequence, Standstill
 from steptwin.host.planning.motions.joint_move import change_times_s
 from steptwin.host.planning.motions.sampled import Sampled, blended_lines

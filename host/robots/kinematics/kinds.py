@@ -4,6 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
+from steptwin.features.arms.chain_geometry import ChainGeometry
+from steptwin.features.arms.serial_arm import serial_arm
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.robots.kinematics.bare_axes import AxesGeometry, bare_axes
 from steptwin.host.robots.kinematics.base import Kinematics
@@ -19,8 +21,6 @@ from steptwin.host.robots.kinematics.paper_scaras import (
     teaching_scara,
     warehouse_scara,
 )
-from steptwin.host.robots.kinematics.serial.chain_geometry import ChainGeometry
-from steptwin.host.robots.kinematics.serial.serial_arm import serial_arm
 from steptwin.host.robots.kinematics.usual_scara import ScaraGeometry, usual_scara
 from steptwin.host.robots.robot import Robot
 

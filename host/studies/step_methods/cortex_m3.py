@@ -1,6 +1,6 @@
 """Meter what the firmware's kernel costs a Cortex-M3 at 72 MHz: its C, executed on an emulated core.
 
-The instructions are counted; the cycles follow from a model of the core's timings (`emulator/cortex_m3/meter.py`), for
+The instructions are counted; the cycles follow from a model of the core's timings (`features/kernel_c/meter.py`), for
 code that need not wait for the flash. Only the kernel is metered: the interrupt around it, CAN and the timers' work
 come on top. The other methods have no version for this core, so they are not metered.
 """
@@ -13,14 +13,14 @@ import numpy as np
 
 from steptwin.controller.motion import kernel as k
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.kernel_c import Layout
+from steptwin.features.kernel_c.layout import Layout
 from steptwin.host.common.arrays import Int64Array
 from steptwin.host.studies.step_methods.kernel import POINTS_AHEAD, place_once
 from steptwin.host.studies.step_methods.motions import PlannedMotion
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 if TYPE_CHECKING:
-    from steptwin.emulator.cortex_m3.meter import Metered
+    from steptwin.features.kernel_c.meter import Metered
 
 LOADS: Final = ((1, False), (4, False), (1, True))
 """Ticks that a call of the kernel computes, one for every interrupt of the servo timer or a millisecond at once; and
@@ -60,8 +60,8 @@ class CoreFigures:
 def core_figures(motion: PlannedMotion, fast: Kernel) -> list[CoreFigures]:
     """Meter a motion in each of LOADS; return nothing if Unicorn, compiler or numba is missing."""
     try:
-        from steptwin.emulator.cortex_m3.image import CompilerMissingError, kernel_image
-        from steptwin.emulator.cortex_m3.meter import Storage, meter, stopping_at
+        from steptwin.features.kernel_c.image import CompilerMissingError, kernel_image
+        from steptwin.features.kernel_c.meter import Storage, meter, stopping_at
     except ModuleNotFoundError:
         return []
     if fast.name != "numba":

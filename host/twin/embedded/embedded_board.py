@@ -5,16 +5,18 @@ from dataclasses import replace
 from math import floor
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.bus.simple_node import SimpleNode
-from steptwin.emulator.faults import Scheduled
-from steptwin.emulator.faults.drivers import OscCapacitor
-from steptwin.emulator.faults.harm import Harm
-from steptwin.emulator.faults.host import HostFault
-from steptwin.emulator.faults.machine import CYCLE_FULL_STEPS, SetInput
-from steptwin.emulator.motors.rotors import RotorRecord
+from steptwin.features.faults.engine import Engine, HostCondition
+from steptwin.features.faults.kinds import Scheduled
+from steptwin.features.faults.kinds.drivers import OscCapacitor
+from steptwin.features.faults.kinds.harm import Harm
+from steptwin.features.faults.kinds.host import HostFault
+from steptwin.features.faults.kinds.machine import CYCLE_FULL_STEPS, SetInput
+from steptwin.features.faults.target import Moment, check_motors
+from steptwin.features.motors.rotors.rotors import RotorRecord
+from steptwin.features.motors.turning.after_run import RotorTrace, rotor_trace
+from steptwin.features.motors.turning.driving import followed_ms, last_edge_counts
+from steptwin.features.nodes.simple_node import SimpleNode
 from steptwin.host.common.errors import InputError
-from steptwin.host.faults.engine import Engine, HostCondition
-from steptwin.host.faults.target import Moment, check_motors
 from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.embedded_network import EmbeddedNetwork, FaultyNetwork, whole_us_counts
@@ -22,8 +24,6 @@ from steptwin.host.twin.machine.emulated_machine import EmulatedMachine, Machine
 from steptwin.host.twin.machine.evidence import axes_by_own_clocks, axes_evidence, tick_after
 from steptwin.host.twin.machine.input_changes import InputChange, set_input
 from steptwin.host.twin.machine.machine_options import AS_FILED, MachineOptions
-from steptwin.host.twin.motors.after_run import RotorTrace, rotor_trace
-from steptwin.host.twin.motors.driving import followed_ms, last_edge_counts
 from steptwin.host.verify import AxisEvidence, BusReport, Evidence
 from steptwin.host.verify.switching import output_changes
 from steptwin.protocol.drivers import DriverProfile

@@ -17,10 +17,10 @@ from canopen.nmt import NmtMaster
 from canopen.pdo import PdoMap
 
 from steptwin.emulator.simulation import BusOverloadError, Simulation
+from steptwin.features.faults.engine import HostCondition, HostLostError
 from steptwin.host.client.links import Clock
 from steptwin.host.client.waiting import wait_until
 from steptwin.host.common.errors import BusError
-from steptwin.host.faults.engine import HostCondition, HostLostError
 from steptwin.protocol.frame import COB_RPDO, FIRST_NODE_ID, NODE_ID_MAX, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND, COUNTS_PER_US
 

@@ -8,6 +8,9 @@ from typing import Final, Unpack
 import numpy as np
 
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
+from steptwin.features.faults.engine import Engine
+from steptwin.features.faults.report import ScenarioReport, not_begun
+from steptwin.features.faults.reporting import RunEnd, scenario_report
 from steptwin.host.client import Machine, Progress, StreamedMotion, object_dictionary
 from steptwin.host.client.drive_status import FAULT_STATES
 from steptwin.host.client.lease import TIMEOUT_MS
@@ -16,9 +19,6 @@ from steptwin.host.client.waiting import REST_TIMEOUT_S
 from steptwin.host.client.words import error_text
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, StepTwinError, WaitTimeoutError
 from steptwin.host.common.features import giving
-from steptwin.host.faults.engine import Engine
-from steptwin.host.faults.report import ScenarioReport, not_begun
-from steptwin.host.faults.reporting import RunEnd, scenario_report
 from steptwin.host.operate.inputs_outputs import plan_made, streamed_motion, waits_made
 from steptwin.host.operate.setting_up import objects_of, set_up
 from steptwin.host.planning.plan import Plan

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from steptwin.host.faults.report import ScenarioReport
+from steptwin.features.faults.report import ScenarioReport
+from steptwin.features.motors.turning.after_run import RotorTrace
 from steptwin.host.operate.inputs_outputs import WaitMade, waits_document
 from steptwin.host.planning.plan import Plan
 from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, keep_recording, prepare_folder, write_folder
 from steptwin.host.record.folder.writing import can_draw, draw_here
 from steptwin.host.record.path_error import beside_path
 from steptwin.host.twin.machine.boards import crystals_document
-from steptwin.host.twin.motors.after_run import RotorTrace
 from steptwin.host.verify import Comparison, Report, RotorSlip
 from steptwin.protocol.frame import Frame
 

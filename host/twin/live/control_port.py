@@ -9,16 +9,16 @@ from difflib import get_close_matches
 from math import isfinite
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
-from steptwin.emulator.bus.node_objects import NodeValue, ValueForm
-from steptwin.emulator.bus.simple_node import SimpleNode
-from steptwin.emulator.faults.machine import PER_DEGC, PER_V
 from steptwin.emulator.live.live_loop import LiveLoop
+from steptwin.features.faults.kinds.machine import PER_DEGC, PER_V
+from steptwin.features.faults.requests import read_request, switches_of
+from steptwin.features.nodes.node_objects import NodeValue, ValueForm
+from steptwin.features.nodes.simple_node import SimpleNode
 from steptwin.host.common import listening as socketcand
 from steptwin.host.common.bad_input import prefixed, printable
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.listening import listen
 from steptwin.host.common.tables import Table
-from steptwin.host.faults.requests import read_request, switches_of
 from steptwin.host.operate.inputs_outputs import wired_inputs
 from steptwin.host.twin.live.live_board import LiveBoard
 from steptwin.protocol import od

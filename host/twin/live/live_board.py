@@ -12,16 +12,17 @@ from steptwin.controller.motion.group_time import RateRamp
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.emulator.board.board import Board
 from steptwin.emulator.bus.can_bus import Bus
-from steptwin.emulator.bus.simple_node import SimpleNode
 from steptwin.emulator.drivers.driver_bank import AxisTrace
-from steptwin.emulator.faults.bus import BusFault, BusRepair
-from steptwin.emulator.faults.harm import Harm, Surroundings
-from steptwin.emulator.faults.host import HostFault
 from steptwin.emulator.live.live_simulation import Lateness, LiveSimulation, Pacer, warm_up
+from steptwin.features.faults.engine import Engine
+from steptwin.features.faults.kinds.bus import BusFault, BusRepair
+from steptwin.features.faults.kinds.harm import Harm, Surroundings
+from steptwin.features.faults.kinds.host import HostFault
+from steptwin.features.faults.reporting import played_document
+from steptwin.features.motors.turning.figures import RotorFigures
+from steptwin.features.nodes.simple_node import SimpleNode
 from steptwin.host.common.errors import InputError, RecordingError
 from steptwin.host.common.features import judge_of
-from steptwin.host.faults.engine import Engine
-from steptwin.host.faults.reporting import played_document
 from steptwin.host.record.bus_log import BusLog, log_line
 from steptwin.host.record.folder import LIVE_JOB, AxisTotals, Header, Mark, Piece, Recording
 from steptwin.host.robots.board_settings import Microsteps
@@ -38,7 +39,6 @@ from steptwin.host.twin.machine.evidence import (
     rate_ramps,
 )
 from steptwin.host.twin.machine.machine_options import AS_FILED, MachineOptions
-from steptwin.host.twin.motors.figures import RotorFigures
 from steptwin.host.verify import AxisEvidence, RateRamps, speeds_document
 from steptwin.protocol.drivers import ActiveEdge, DriverProfile
 from steptwin.protocol.frame import FIRST_NODE_ID, Frame

@@ -20,8 +20,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.features.faults.target import Target
 from steptwin.host.client.words import error_words
-from steptwin.host.faults.target import Target
 from steptwin.host.record.folder import MachineStop, PlanRows, trajectory_head, trajectory_row
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od

@@ -17,8 +17,8 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.board.drifting_board import make_board
 from steptwin.emulator.board.local_clock import CRYSTAL_PPM_MAX
-from steptwin.emulator.native.native_firmware import NativeProgram
 from steptwin.emulator.world.switches import WEIGHT_ONE, Switch, Travel
+from steptwin.features.firmware.native_firmware import NativeProgram
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.setting_up import axis_settings
 from steptwin.host.robots.joint import Joint, Transmission

@@ -9,25 +9,25 @@ from typing import Any
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board
 from steptwin.emulator.bus.can_bus import Bus, Log
-from steptwin.emulator.bus.simple_node import SimpleNode
-from steptwin.emulator.faults import Scheduled
-from steptwin.emulator.faults.bus import BusFault, BusRepair
-from steptwin.emulator.faults.harm import Harm
-from steptwin.emulator.motors.rotor_watch import REST_TICKS, MotorWiring
-from steptwin.emulator.native import FirmwareError
 from steptwin.emulator.simulation import Simulation
+from steptwin.features.faults.engine import Engine, HostCondition
+from steptwin.features.faults.kinds import Scheduled
+from steptwin.features.faults.kinds.bus import BusFault, BusRepair
+from steptwin.features.faults.kinds.harm import Harm
+from steptwin.features.faults.requests import request_of
+from steptwin.features.faults.target import Target
+from steptwin.features.firmware.process import FirmwareError
+from steptwin.features.motors.rotors.rotor_watch import REST_TICKS, MotorWiring
+from steptwin.features.motors.turning.drives import motor_wiring
+from steptwin.features.nodes.eds_nodes import eds_nodes
+from steptwin.features.nodes.simple_node import SimpleNode
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import MachinePart, giving
-from steptwin.host.faults.engine import Engine, HostCondition
-from steptwin.host.faults.requests import request_of
-from steptwin.host.faults.target import Target
 from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.boards import board_configs, make_boards, standing_steps
 from steptwin.host.twin.machine.drivers import driver_profile
-from steptwin.host.twin.machine.eds_nodes import eds_nodes
 from steptwin.host.twin.machine.machine_options import MachineOptions
-from steptwin.host.twin.motors.drives import motor_wiring
 from steptwin.protocol.drivers import DriverProfile
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND

@@ -17,7 +17,7 @@ from steptwin.emulator.board.local_clock import LocalClock
 from steptwin.emulator.drivers.driver_bank import AxisTrace
 from steptwin.emulator.drivers.limits import LimitUnit, Violations
 from steptwin.emulator.drivers.outputs import ChipOutputs
-from steptwin.host.faults.target import Target
+from steptwin.features.faults.target import Target
 from steptwin.host.verify import (
     AS_PLANNED,
     AxisEvidence,

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from steptwin.controller.node.pins import Pin
-from steptwin.emulator.faults.machine import SetInput
 from steptwin.emulator.world.wires import InputWire, OutputWire
-from steptwin.host.faults.requests import wired_input
-from steptwin.host.faults.target import Places
+from steptwin.features.faults.kinds.machine import SetInput
+from steptwin.features.faults.requests import wired_input
+from steptwin.features.faults.target import Places
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.cia402 import DigitalInput
 

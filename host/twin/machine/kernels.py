@@ -20,7 +20,6 @@ __all__ = [
     "KERNELS",
     "Kernel",
     "fastest_kernel",
-    "kernel_files",
     "kernel_named",
     "soonest_is_compiled",
     "soonest_kernel",
@@ -29,7 +28,7 @@ __all__ = [
 
 
 def _cortex_m3() -> Kernel:
-    from steptwin.emulator.cortex_m3.core_kernel import cortex_m3_kernel
+    from steptwin.features.kernel_c.core_kernel import cortex_m3_kernel
 
     return cortex_m3_kernel()
 
@@ -46,7 +45,7 @@ def kernel_named(name: str) -> Kernel:
 
     Raise InputError for another name, or if the extra or the compiler that it needs is not installed.
     """
-    from steptwin.emulator.cortex_m3.image import CompilerMissingError
+    from steptwin.features.kernel_c.image import CompilerMissingError
 
     if name not in KERNELS:
         raise unknown("kernel", name, KERNELS)
@@ -116,10 +115,3 @@ def telling_of_compiling(tell: Callable[[], None], *, wanted: bool = True) -> It
 
     with event.install_listener("numba:compile", FirstCompiling()):
         yield
-
-
-def kernel_files() -> dict[str, str]:
-    """Return the text of each file of the kernel as C, by its name."""
-    from steptwin.emulator.kernel_c import kernel_files as files_in_c
-
-    return files_in_c()

@@ -16,8 +16,8 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.numbers import digits_in, finite_number, whole
 
 if TYPE_CHECKING:
-    from steptwin.emulator.faults.harm import Harm
-    from steptwin.host.faults.scenario import Scenario
+    from steptwin.features.faults.kinds.harm import Harm
+    from steptwin.features.faults.scenario import Scenario
     from steptwin.host.robots.robot import Robot
 
 
@@ -296,7 +296,7 @@ class MachineOptions:
         """Return the scenario, read for a robot if it is in a file; raise InputError for what is wrong in it."""
         if self.scenario is None:
             return None
-        from steptwin.host.faults.scenario import Scenario, read_scenario
+        from steptwin.features.faults.scenario import Scenario, read_scenario
 
         if isinstance(self.scenario, Path | str):
             return read_scenario(self.scenario, robot)

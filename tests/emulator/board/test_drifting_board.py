@@ -20,9 +20,9 @@ from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.board.drifting_board import DriftingBoard, make_board
 from steptwin.emulator.board.local_clock import CRYSTAL_PPM_MAX, LocalClock
 from steptwin.emulator.bus.can_bus import Bus
-from steptwin.emulator.faults.bus import BusOff
-from steptwin.emulator.faults.machine import EmergencyStop, WatchdogReset
 from steptwin.emulator.simulation import Simulation
+from steptwin.features.faults.kinds.bus import BusOff
+from steptwin.features.faults.kinds.machine import EmergencyStop, WatchdogReset
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import AbortConnection, State
 from steptwin.protocol.frame import COB_SYNC, Frame

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.bus.can_controller import CanController
-from steptwin.emulator.faults.bus import BusFault
+from steptwin.features.faults.kinds.bus import BusFault
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.frame import Frame
 

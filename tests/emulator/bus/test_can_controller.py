@@ -6,8 +6,8 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.bus.can_controller import CanController, ErrorState, FaultConfinement
-from steptwin.emulator.faults.bus import SenderOff
 from steptwin.emulator.simulation import Simulation
+from steptwin.features.faults.kinds.bus import SenderOff
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.frame import Frame

@@ -9,8 +9,8 @@ from steptwin.controller.node.transmit_queue import BURST_FRAMES_MAX, PLACES, QU
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.bus.can_controller import MAILBOXES
-from steptwin.emulator.faults.machine import EmergencyStop
 from steptwin.emulator.simulation import Simulation
+from steptwin.features.faults.kinds.machine import EmergencyStop
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode, Overrun
 from steptwin.protocol.emergency import PLACES as EMCY_PLACES

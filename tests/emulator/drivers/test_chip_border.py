@@ -8,7 +8,7 @@ import pytest
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.drivers.driver_module import Module
-from steptwin.emulator.faults.drivers import OscCapacitor
+from steptwin.features.faults.kinds.drivers import OscCapacitor
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Cubic
 from steptwin.host.planning.motions.joint_move import JointMove

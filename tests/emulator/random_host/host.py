@@ -8,10 +8,10 @@ from collections.abc import Callable
 from random import Random
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.faults.drivers import DriverProtect
-from steptwin.emulator.faults.harm import Operation
-from steptwin.emulator.faults.limit_switches import StuckSwitch
-from steptwin.emulator.faults.machine import BoardTemperature, EmergencyStop, Supply
+from steptwin.features.faults.kinds.drivers import DriverProtect
+from steptwin.features.faults.kinds.harm import Operation
+from steptwin.features.faults.kinds.limit_switches import StuckSwitch
+from steptwin.features.faults.kinds.machine import BoardTemperature, EmergencyStop, Supply
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import SWITCH_INPUTS, Mode
 from steptwin.protocol.entry import Access, Entry, Mapping

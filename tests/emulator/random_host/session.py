@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 
 from steptwin.emulator.board.board import BoardConfig
 from steptwin.emulator.drivers.driver_module import fitted
-from steptwin.emulator.faults.drivers import DriverProtect
-from steptwin.emulator.faults.harm import Operation
-from steptwin.emulator.faults.limit_switches import StuckSwitch
-from steptwin.emulator.faults.machine import BoardTemperature, EmergencyStop, Supply
 from steptwin.emulator.world.switches import Switch
+from steptwin.features.faults.kinds.drivers import DriverProtect
+from steptwin.features.faults.kinds.harm import Operation
+from steptwin.features.faults.kinds.limit_switches import StuckSwitch
+from steptwin.features.faults.kinds.machine import BoardTemperature, EmergencyStop, Supply
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.drivers import bare_chip
 from steptwin.protocol.frame import Frame

@@ -9,8 +9,8 @@ from steptwin.controller.modes.profile_velocity import ProfileVelocity
 from steptwin.controller.motion import kernel as k
 from steptwin.controller.motion.axis_motion import AxisMotion
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.faults.harm import Operation
-from steptwin.emulator.faults.machine import EmergencyStop
+from steptwin.features.faults.kinds.harm import Operation
+from steptwin.features.faults.kinds.machine import EmergencyStop
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, SWITCH_ON, Mode
 from steptwin.protocol.frame import COB_NMT, COB_SDO_REQUEST, FIRST_NODE_ID, Frame

@@ -7,7 +7,7 @@ import pytest
 from steptwin.host.cli.app import run
 from steptwin.host.robots import load_robot
 from tests.end_to_end.command_line import refusal, run_json
-from tests.host.robots.urdf.urdfs import joint, urdf
+from tests.features.urdf.urdfs import joint, urdf
 
 AR4 = load_robot("ar4-mk3").toml
 ROW = [joint(f"J{i + 1}", "abcdefg"[i], "bcdefgh"[i], f'<axis xyz="0 {i % 2} {1 - i % 2}"/>') for i in range(7)]

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from steptwin.host.studies.campaign import Results
+from steptwin.features.campaigns.results import Results
 from tests.end_to_end.command_line import refusal
-from tests.host.studies.campaign.campaigns import SMALL
+from tests.features.campaigns.campaigns import SMALL
 from tests.run_pictures import with_pictures
 
 PLOT = pytest.mark.skipif(not find_spec("matplotlib"), reason="the extra `plot` is not installed")
@@ -50,7 +50,7 @@ def test_a_folder_with_the_name_of_a_file_is_told(
 def test_a_run_of_a_campaign_is_made_again_into_a_folder_of_its_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("steptwin.host.studies.campaign.perform", _nothing)
+    monkeypatch.setattr("steptwin.features.campaigns.running.perform", _nothing)
     folder = tmp_path / "evening"
     with Results(folder).writing():
         (folder / "campaign.toml").write_text(SMALL, encoding="utf-8")

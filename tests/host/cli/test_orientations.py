@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from steptwin.host.cli.app import run
 from steptwin.host.robots.poses.rotations import LEVEL_DEG
 from tests.end_to_end.command_line import refusal, run_json
-from tests.host.robots.kinematics.serial.arms import AR4_LIMITS, AR4_ROWS, chain_text, dh_entries
+from tests.features.arms.arms import AR4_LIMITS, AR4_ROWS, chain_text, dh_entries
 
 PLACE = ["--x", "300", "--y", "20", "--z", "280"]
 

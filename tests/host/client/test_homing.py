@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.faults import Scheduled
-from steptwin.emulator.faults.machine import EmergencyStop
+from steptwin.features.faults.kinds import Scheduled
+from steptwin.features.faults.kinds.machine import EmergencyStop
 from steptwin.host.client import HomingSettings, Machine
 from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.host.operate.homing import homing_settings

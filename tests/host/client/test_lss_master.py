@@ -7,8 +7,8 @@ import pytest
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.bus.can_bus import Bus
-from steptwin.emulator.faults.bus import HostBitRate
 from steptwin.emulator.simulation import Simulation
+from steptwin.features.faults.kinds.bus import HostBitRate
 from steptwin.host.common.errors import BusError
 from steptwin.host.twin.embedded.embedded_network import EmbeddedNetwork
 from steptwin.protocol.timer import COUNTS_PER_SECOND

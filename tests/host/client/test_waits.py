@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from steptwin.emulator.faults.machine import SetInput
+from steptwin.features.faults.kinds.machine import SetInput
 from steptwin.host.client import InputWait, Machine, OutputCommand, StreamedMotion
 from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
 from steptwin.host.client.waits import HOLD_MS, LEAD_MS, divide

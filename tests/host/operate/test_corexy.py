@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.faults.drivers import DriverProtect
-from steptwin.emulator.faults.limit_switches import StuckSwitch
+from steptwin.features.faults.kinds.drivers import DriverProtect
+from steptwin.features.faults.kinds.limit_switches import StuckSwitch
 from steptwin.host.common.errors import DeviceFaultError
 from steptwin.host.operate.homing import home_robot
 from steptwin.host.operate.moving import move

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.faults.machine import Supply
+from steptwin.features.faults.kinds.machine import Supply
 from steptwin.host.client.links import bus_link
 from steptwin.host.common.errors import BusError
 from steptwin.host.operate.doctor import examine

@@ -2,9 +2,7 @@
 
 import pytest
 
-from steptwin.host.common.errors import InputError
-from steptwin.host.operate.session import Session
-from steptwin.host.panel.desk.settings import (
+from steptwin.features.panel.desk.settings import (
     DRIVE_SETTINGS,
     DriveSetting,
     drive_setting,
@@ -12,6 +10,8 @@ from steptwin.host.panel.desk.settings import (
     read_drive_setting,
     write_drive_setting,
 )
+from steptwin.host.common.errors import InputError
+from steptwin.host.operate.session import Session
 from steptwin.host.robots import load_robot
 from tests.host.client.machines import TH1
 from tests.host.operate.sessions import ROBOT

@@ -2,7 +2,7 @@
 
 import pytest
 
-from steptwin.emulator.faults.machine import BrownOut, WatchdogReset
+from steptwin.features.faults.kinds.machine import BrownOut, WatchdogReset
 from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.host.operate.moving import move
 from steptwin.host.operate.recovering import emergency_stop, reset, stop

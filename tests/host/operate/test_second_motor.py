@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.faults.drivers import DriverProtect
-from steptwin.emulator.faults.limit_switches import StuckSwitch
-from steptwin.emulator.faults.machine import Slip
+from steptwin.features.faults.kinds.drivers import DriverProtect
+from steptwin.features.faults.kinds.limit_switches import StuckSwitch
+from steptwin.features.faults.kinds.machine import Slip
 from steptwin.host.common.errors import DeviceFaultError, InputError
 from steptwin.host.operate.homing import home_robot
 from steptwin.host.operate.jogging import jog

@@ -21,8 +21,8 @@ from steptwin.host.robots.coupling import Coupling
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import tool_frames
 from steptwin.host.robots.robot import Robot
+from tests.features.arms.test_numeric import five_axes
 from tests.host.complaints import complaint_of
-from tests.host.robots.kinematics.serial.test_numeric import five_axes
 from tests.host.robots.kinematics.test_usual_scara import scara
 
 STANDING = {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.faults.machine import Slip
+from steptwin.features.faults.kinds.machine import Slip
 from steptwin.host.operate.homing import home_robot
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import read_status

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from steptwin.emulator.motors.motor import CATALOGUE
+from steptwin.features.motors.rotors.motor import CATALOGUE
+from steptwin.features.motors.turning.drives import drive_of
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import brought_text, load_robot, parse_robot
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.motor import MOTORS, Dynamics, JointLink, JointMotor
 from steptwin.host.robots.switches import JointSwitches
-from steptwin.host.twin.motors.drives import drive_of
 from steptwin.protocol.drivers import bare_chip
 from tests.end_to_end.pages import read_page
 from tests.host.complaints import complaint_of

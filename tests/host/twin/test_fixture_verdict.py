@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.native import interface_files
+from steptwin.features.firmware.process import interface_files
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan

@@ -8,7 +8,7 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.verify import Phases
 from steptwin.host.verify.counted import powerless_steps
-from tests.host.faults.short_runs import carry, played
+from tests.features.faults.short_runs import carry, played
 
 
 def test_steps_without_current_are_told(fast_kernel: Kernel) -> None:

@@ -16,8 +16,8 @@ from steptwin.host.planning.programs.compiling import compile_program
 from steptwin.host.planning.programs.program_file import parse_program
 from steptwin.host.robots.poses import POSE, Orientation, Pose, Turning
 from steptwin.host.robots.robot import Robot
-from tests.host.robots.kinematics.serial.arms import arm, kinematics_of
-from tests.host.robots.kinematics.serial.test_numeric import five_axes, missing_wrist
+from tests.features.arms.arms import arm, kinematics_of
+from tests.features.arms.test_numeric import five_axes, missing_wrist
 from tests.messages import refusing
 
 FINE_S = 1e-4

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from steptwin.host.planning.fastest import AVERAGE_S, JointLeg, Pace, timed_chains
+from steptwin.features.fastest.chain import AVERAGE_S, timed_chains
+from steptwin.features.fastest.corners import JointLeg
+from steptwin.features.fastest.pieces import Pace
 from steptwin.host.planning.motions.composer import Sequence
 from steptwin.host.planning.motions.sampled import Sampled
 from steptwin.host.planning.motions.stretched import Stretched

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from steptwin.features.gcode.blocks import read_blocks
+from steptwin.features.gcode.cut_runs import Placing, cut_runs
+from steptwin.features.gcode.modal import CutMove, actions
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.findings import Findings
-from steptwin.host.planning.gcode import CutMove, Placing, actions, cut_runs, read_blocks
 from steptwin.host.planning.programs import CompiledProgram, compile_program, parse_program
 from steptwin.host.robots import load_robot
 

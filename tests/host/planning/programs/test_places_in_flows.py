@@ -8,9 +8,10 @@ from typing import cast
 import numpy as np
 import pytest
 
+from steptwin.features.fastest.chain import ChainDrives
+from steptwin.features.fastest.corners import flowing
+from steptwin.features.fastest.drives import DriveLimits, LoadChange
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.planning.fastest import ChainDrives, DriveLimits, LoadChange
-from steptwin.host.planning.fastest.corners import flowing
 from steptwin.host.planning.motions.tool_move import present_branch
 from steptwin.host.planning.paths import StraightLine
 from steptwin.host.planning.programs import CompiledProgram

@@ -11,8 +11,8 @@ from steptwin.host.planning.trajectory_file import FileMotion, read_file_motion
 from steptwin.host.robots import load_robot, read_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
+from tests.features.arms.arms import AR4_LIMITS, AR4_ROWS, chain_text, dh_entries
 from tests.host.complaints import complaint_of
-from tests.host.robots.kinematics.serial.arms import AR4_LIMITS, AR4_ROWS, chain_text, dh_entries
 
 AR4 = load_robot("ar4-mk3")
 PLACES = [(300.0, 0.0, 300.0), (300.0, 40.0, 280.0), (290.0, 60.0, 300.0)]

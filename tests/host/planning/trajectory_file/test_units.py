@@ -216,7 +216,7 @@ def test_what_fits_in_no_other_units_is_still_asked(tmp_path: Path) -> None:
 
 
 def test_the_page_asks_with_the_titles_of_its_own_choice(tmp_path: Path) -> None:
-    motions = pytest.importorskip("steptwin.host.panel.page.motions")
+    motions = pytest.importorskip("steptwin.features.panel.page.motions")
     content = Path(csv(tmp_path, "rad", "m")).read_bytes()
     upload = partial(motions.plan_upload, ROBOT, "mine.csv", content)
     _, told = upload(1.0)

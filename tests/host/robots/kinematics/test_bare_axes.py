@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from steptwin.features.motors.turning.mechanism import arm_of
 from steptwin.host.cli.app import run
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
@@ -15,7 +16,6 @@ from steptwin.host.robots.kinematics.base import tool_places_mm
 from steptwin.host.robots.new_file import robot_text, with_settings
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.workspace import has_sections, monte_carlo
-from steptwin.host.twin.motors.mechanism import arm_of
 from tests.host.complaints import complaint_of
 from tests.messages import refusing
 

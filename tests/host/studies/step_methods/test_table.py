@@ -6,7 +6,7 @@ import pytest
 
 from docs.generate.commands import DOCS
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.cortex_m3.image import COMPILER, compiler_version
+from steptwin.features.kernel_c.image import COMPILER, compiler_version
 from steptwin.host.studies.step_methods.cortex_m3 import CoreFigures, core_rows, ram_bytes
 from steptwin.host.studies.step_methods.evaluation import MethodErrors
 from steptwin.host.studies.step_methods.motions import all_motions

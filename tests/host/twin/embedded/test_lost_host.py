@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from steptwin.host.faults.engine import Emergency
+from steptwin.features.faults.engine import Emergency
 from steptwin.host.twin.embedded.execution import outlive
 from steptwin.protocol.cia402 import ErrorCode
 

@@ -8,7 +8,7 @@ import canopen
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.faults.machine import EmergencyStop
+from steptwin.features.faults.kinds.machine import EmergencyStop
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.protocol import od

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.faults.machine import Slip
+from steptwin.features.faults.kinds.machine import Slip
 from steptwin.host.record.folder.edges_file import evidence_until, read_edges, write_edges
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.board_under_test import BoardUnderTest

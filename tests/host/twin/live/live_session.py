@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.host.faults.scenario import Scenario
+from steptwin.features.faults.scenario import Scenario
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.live.live_board import LiveBoard
 from steptwin.host.twin.machine.machine_options import MachineOptions

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
+from steptwin.features.view.model import Replay
 from steptwin.host.cli.app import run
 from steptwin.host.common.errors import InputError
-from steptwin.host.panel.replay.model import Replay
 from steptwin.host.record.folder import read_run, verify_folder
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord

@@ -6,14 +6,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from steptwin.emulator.bus.node_objects import NodeDescription, ValueForm
+from steptwin.features.nodes.eds_nodes import read_node
+from steptwin.features.nodes.node_objects import NodeDescription, ValueForm
 from steptwin.host.cli.app import run
 from steptwin.host.common.errors import InputError
-from steptwin.host.twin.machine.eds_nodes import read_node
 from steptwin.protocol.entry import Access
 from steptwin.protocol.exports import render_eds
 from steptwin.protocol.objects import ENTRIES
-from tests.emulator.bus.test_simple_node import EDS
+from tests.features.nodes.test_simple_node import EDS
 from tests.messages import refusing
 
 TEXT = EDS.read_text(encoding="utf-8")

@@ -7,11 +7,11 @@ import pytest
 from canopen import ObjectDictionary
 from canopen.objectdictionary import ODVariable, eds
 
-from steptwin.emulator.bus.node_objects import NodeEntry, NodeObjects
+from steptwin.features.nodes.eds_nodes import read_node
+from steptwin.features.nodes.eds_objects import ENTRIES_MAX
+from steptwin.features.nodes.node_objects import NodeEntry, NodeObjects
 from steptwin.host.common.errors import InputError
-from steptwin.host.twin.machine.eds_nodes import read_node
-from steptwin.host.twin.machine.eds_objects import ENTRIES_MAX
-from tests.emulator.bus.test_simple_node import EDS
+from tests.features.nodes.test_simple_node import EDS
 
 NODE_ID = 0x25
 HEAD = """[DeviceInfo]

@@ -3,11 +3,11 @@
 from dataclasses import fields
 from typing import get_type_hints
 
-from steptwin.emulator.faults.bus import FrameLoss
-from steptwin.emulator.faults.harm import Harm
-from steptwin.emulator.faults.machine import EmergencyStop
-from steptwin.host.faults.scenario import Fault, Scenario
-from steptwin.host.faults.triggers import AtTime
+from steptwin.features.faults.kinds.bus import FrameLoss
+from steptwin.features.faults.kinds.harm import Harm
+from steptwin.features.faults.kinds.machine import EmergencyStop
+from steptwin.features.faults.scenario import Fault, Scenario
+from steptwin.features.faults.triggers import AtTime
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.machine.machine_options import MachineKeywords, MachineOptions
 

@@ -1,0 +1,163 @@
+"""What is left to each limit in a run: 1 all of it, 0 nothing, below 0 beyond it."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from math import isfinite
+from typing import Final
+
+from steptwin.features.campaigns.recovery import Recovery
+from steptwin.features.campaigns.row import Ended
+from steptwin.features.campaigns.trial import Trial
+from steptwin.features.faults.report import FaultReport
+from steptwin.features.motors.turning import MotorVerdict
+from steptwin.host.twin.embedded.outcome import Outcome
+from steptwin.host.verify import AxisEvidence, Report, threshold_tolerance_steps
+from steptwin.host.verify.report import AxisReport
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """What a drive says of its position after the motion, and where its motor stands.
+
+    Attributes:
+        joint: name of the joint.
+        known: whether the drive says that it knows its position.
+        off_steps: steps by which the motor stands beyond the position that the drive reports.
+        slipped_steps: part of them by which a rotor that turns with the board has slipped by itself: the driver has
+            made other steps, and no count of them can tell it. 0 if no motors turn with the board.
+    """
+
+    joint: str
+    known: bool
+    off_steps: float
+    slipped_steps: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Performance:
+    """A run that was made.
+
+    Attributes:
+        trial: what was drawn.
+        ended: how it ended.
+        message: why it ended before the motion's end; empty otherwise.
+        outcome: its result; None if the machine could not even be set up.
+        own_time: the verdict by the time of the boards' own crystals; None if all are exact.
+        claims: what each drive says after the motion; empty if the nodes did not answer.
+        axes: everything at the drivers from power-up to the end, the recovery included.
+        recovery: what became of the machine; None if it was not recovered.
+        motors: what the motors did; None if they were not turned.
+        simulated_s: simulated time.
+    """
+
+    trial: Trial
+    ended: Ended
+    message: str
+    outcome: Outcome | None
+    claims: tuple[Claim, ...]
+    axes: tuple[AxisEvidence, ...]
+    recovery: Recovery | None
+    own_time: Report | None
+    motors: MotorVerdict | None
+    simulated_s: float
+
+    @property
+    def faults(self) -> tuple[FaultReport, ...]:
+        """The scenario's faults, and what answered; empty without a scenario."""
+        if self.outcome is None or self.outcome.scenario is None:
+            return ()
+        return self.outcome.scenario.faults
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the drivers' counts are not as planned; empty if they are."""
+        return () if self.report is None else self.report.reasons
+
+    @property
+    def report(self) -> Report | None:
+        """The verdict, by the boards' own time where a crystal is off; None if the machine could not be set up."""
+        if self.own_time is not None or self.outcome is None:
+            return self.own_time
+        return self.outcome.report
+
+    @property
+    def unknowable(self) -> bool:
+        """True if a fault has struck that no board without encoders can notice, such as a broken STEP wire.
+
+        The documented reaction says so: only `verify` tells it.
+        """
+        return any(fault.reaction is not None and not fault.reaction.verified for fault in self.faults)
+
+
+@dataclass(frozen=True, slots=True)
+class Margin:
+    """A margin: what it is, in words, and how a run tells it; None if the run does not."""
+
+    what: str
+    of: Callable[[Performance], float | None]
+
+
+def _least(values: Iterable[float | None]) -> float | None:
+    return min((value for value in values if value is not None and isfinite(value)), default=None)
+
+
+def _axes(performance: Performance, of: Callable[[AxisReport], float | None]) -> float | None:
+    """Return the least of all axes in a run that made what was planned: otherwise the plan tells nothing."""
+    if performance.ended is not Ended.DONE or performance.report is None or performance.unknowable:
+        return None
+    return _least(of(axis) for axis in performance.report.axes)
+
+
+def _threshold(performance: Performance) -> float | None:
+    microsteps = {joint.name: joint.transmission.microsteps for joint in performance.trial.setup.robot.axes}
+
+    def of(axis: AxisReport) -> float:
+        return 1 - axis.threshold_error_steps_max / threshold_tolerance_steps(microsteps[axis.name])
+
+    return _axes(performance, of)
+
+
+def _step_rate(performance: Performance) -> float | None:
+    limit_hz = performance.trial.setup.robot.board.driver_rate_max_hz
+    return _axes(performance, lambda axis: 1 - axis.peak_rate_hz / limit_hz)
+
+
+def _bus(performance: Performance) -> float | None:
+    if performance.outcome is None:
+        return None
+    return 1 - performance.outcome.report.run.bus.load_percent / 100
+
+
+def _standstill(performance: Performance) -> float | None:
+    return _least(
+        1 - fault.standstill_ms / fault.limit_ms
+        for fault in performance.faults
+        if fault.standstill_ms is not None and fault.limit_ms
+    )
+
+
+def _torque(performance: Performance) -> float | None:
+    return _least(joint.margin for joint in performance.motors.joints) if performance.motors else None
+
+
+def _load_angle(performance: Performance) -> float | None:
+    if performance.motors is None:
+        return None
+    return _least(1 - abs(joint.load_angle_deg) / _SLIPS_DEG for joint in performance.motors.joints)
+
+
+_SLIPS_DEG: Final = 180.0
+"""Electrical angle at which a rotor slips (docs/motors.md)."""
+
+MARGINS: Final[Mapping[str, Margin]] = {
+    "threshold": Margin(
+        "largest error of a step's threshold, of 0.0075 steps",
+        _threshold,
+    ),
+    "step rate": Margin("highest step rate, of the board's highest", _step_rate),
+    "bus": Margin("load of the bus", _bus),
+    "standstill": Margin("time to standstill after a fault, of the documented time", _standstill),
+    "torque": Margin("torque needed, of the motor's pull-out torque", _torque),
+    "load angle": Margin("greatest load angle, of the 180 degrees at which a rotor slips", _load_angle),
+}
+"""The margins by name, in the order of reports."""

@@ -1,0 +1,413 @@
+"""Time a path as fast as the limits allow, jerk-bounded, as cubics that keep the limits between their points too.
+
+The path's parameter is averaged over a time that bounds its jerk. What the board executes are the cubics between PVT
+points, so these are the motion here, and each is judged at both ends, where its acceleration is highest, and where its
+speed is. Where a cubic exceeds a limit, the limit is lowered around it for the next pass.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import count
+from typing import Final, NamedTuple, Protocol
+
+import numpy as np
+
+from steptwin.features.fastest.averaged import NO_STOPS, Averaged
+from steptwin.features.fastest.drives import DriveAnswer, DrivesOnPath
+from steptwin.features.fastest.rows import PathLimits, PathRates, Rows, with_axes
+from steptwin.features.fastest.solve import Solver, fastest_squares
+from steptwin.host.common.arrays import FloatArray, Int64Array
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.planning_time import check_planning_time
+from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.peaks import check_length
+from steptwin.host.planning.trajectory import DEFAULT_POINT_MS
+from steptwin.host.robots.robot import Robot
+
+
+class LimitedPath(Protocol):
+    """A path of the joints with its limits."""
+
+    def rates(self) -> PathRates:
+        """Return the path at the places where its limits are looked at."""
+        ...
+
+    def limits(self) -> PathLimits:
+        """Return the limits at the same places."""
+        ...
+
+    def at(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return joints and their first derivatives at parameters of shape (n,)."""
+        ...
+
+    def tool(self, s: FloatArray) -> FloatArray:
+        """Return the tool's way in mm and its turn in degrees for each unit of the parameter, of shape (n, 2)."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TimedPath:
+    """A path with its time: the motion, and when it is where.
+
+    Attributes:
+        motion: the cubics of the joints; they are what the board executes.
+        law: the path's parameter as a function of time.
+        highest: largest part of a limit that a cubic uses, at most 1.
+        drives: what the drives say of it; None where only the joints limit it.
+    """
+
+    motion: Sampled
+    law: Averaged
+    highest: float
+    drives: DriveAnswer | None = None
+
+
+class UntimedError(InputError):
+    """At no pace the cubics along a path keep the limits; `s` is the parameter of the path where they do not."""
+
+    def __init__(self, message: str, s: float = 0.0) -> None:
+        super().__init__(message)
+        self.s = s
+
+
+_LIMIT_PASSES: Final = 8
+"""Passes that lower the limits that are exceeded; the following ones cap the speed there, which reaches all of them."""
+_PASSES: Final = 20
+"""Passes altogether; afterwards each run is made slower as a whole by what is still beyond."""
+_NEARLY: Final = 1.02
+"""Part of a limit up to which further passes make a motion longer by no more than a few thousandths."""
+_SLOWER_MAX: Final = 1.5
+"""Factor by which a run is made slower at most: what needs more of it turns joints all at once."""
+_LOWERED_MAX: Final = 1.3
+"""Factor by which a pass lowers a limit at most: the excess of one place also comes from its neighbours."""
+_BEYOND: Final = 1e-4
+"""Part by which a pass lowers a limit beyond what it was exceeded by, so that the last digits take no more passes."""
+_ENOUGH: Final = 1.0 - 1e-7
+"""Part of a limit up to which a cubic passes: wire units and rounding need the rest."""
+_TOOL_SLACK: Final = 1.004
+"""Part of the tool's speed up to which a cubic passes: the tool's way on a cubic is looked at, not bounded."""
+
+_TORQUE_SLACK: Final = 1.005
+"""Part of a drive's torque up to which a cubic passes: of 70 % it is a third of a percent."""
+_LINEARISED: Final = 3
+"""Solutions by which the torques at the speeds that are reached are found: to about 0.1 %."""
+
+OFF_STEPS: Final = 0.005
+"""Distance in steps of the motor between the path and the cubics, above which a record is halved."""
+_RECORD_MS_MIN: Final = 2
+
+
+def timed(
+    robot: Robot,
+    path: LimitedPath,
+    average_s: float,
+    from_ms: int = 0,
+    drives: DrivesOnPath | None = None,
+    stops: FloatArray = NO_STOPS,
+) -> TimedPath:
+    """Return the fastest motion from rest to rest along a path, within the limits of its pieces and of the drives.
+
+    The motion begins `from_ms` after the whole one; its points are those of the whole one. With `drives` it keeps their
+    torques, too, but their rotors have not turned yet: `driven` does that. It rests at the parameters `stops`, rising,
+    at which pieces of the path meet; the runs in between are timed each by itself.
+    """
+    timing = _Timing.of(robot, path, average_s, from_ms, drives, stops)
+    for number in count(1):
+        tried = timing.tried()
+        if (tried.highest <= _ENOUGH).all():
+            break
+        timing.correct(number, tried)
+    return TimedPath(tried.motion, tried.law, float(tried.highest.max()))
+
+
+def lasting_s(
+    robot: Robot,
+    path: LimitedPath,
+    average_s: float,
+    drives: DrivesOnPath | None = None,
+    stops: FloatArray = NO_STOPS,
+    enough_s: FloatArray | None = None,
+) -> FloatArray:
+    """Return how long each run between stops lasts in `timed`, or nearly so and not in whole ms, of shape (runs,).
+
+    A run is not looked at more closely once it is certain on which side of `enough_s` it is. One that cannot be timed
+    lasts for ever.
+    """
+    timing = _Timing.of(robot, path, average_s, 0, drives, stops)
+    for number in count(1):
+        tried = timing.tried()
+        at_least_s = tried.law.least_s
+        at_most_s = at_least_s * np.where(tried.highest > _NEARLY, tried.highest, 1.0)
+        is_open = at_most_s > at_least_s
+        if enough_s is not None:
+            is_open &= (at_least_s < enough_s) & (enough_s <= at_most_s)
+        if number > _PASSES or not is_open.any():
+            break
+        timing.correct(number, tried)
+    return np.where(tried.highest > _SLOWER_MAX, np.inf, at_most_s)
+
+
+class _Tried(NamedTuple):
+    """What a pass has made; `highest` is the largest part of a limit that each run uses, of shape (runs,)."""
+
+    law: Averaged
+    motion: Sampled
+    squares: FloatArray
+    use: "_Use"
+    torques: FloatArray
+    highest: FloatArray
+
+
+@dataclass(slots=True, eq=False)
+class _Timing:
+    """A path that is timed in passes, each of which lowers what the one before has exceeded.
+
+    Attributes:
+        limits: shape as those of the path, what is asked for, lowered.
+        caps: shape (places,), bounds of the squares of the speeds.
+        slower: shape (runs,), stretch of each run.
+    """
+
+    robot: Robot
+    path: LimitedPath
+    average_s: float
+    from_ms: int
+    stops: FloatArray
+    rates: PathRates
+    asked: PathLimits
+    limits: PathLimits
+    caps: FloatArray
+    slower: FloatArray
+    torques: "_Torques"
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        path: LimitedPath,
+        average_s: float,
+        from_ms: int,
+        drives: DrivesOnPath | None,
+        stops: FloatArray,
+    ) -> "_Timing":
+        rates, asked = path.rates(), path.limits()
+        caps = np.where(np.isin(rates.s, stops), 0.0, np.inf)
+        torques = _Torques.of(rates, drives, asked.rows(robot, rates))
+        slower = np.ones(len(stops) + 1)
+        return cls(robot, path, average_s, from_ms, stops, rates, asked, asked, caps, slower, torques)
+
+    def tried(self) -> _Tried:
+        """Return the motion within the present limits, and what it uses of those that are asked for."""
+        check_planning_time()
+        robot, places = self.robot, self.rates.s
+        rows = self.limits.rows(robot, self.rates)
+        squares = self.torques.fastest(replace(rows, x_max=np.minimum(rows.x_max, self.caps)))
+        law = Averaged.of(places, squares, self.average_s, self.slower, self.stops)
+        check_length("the motion", round(1000 * law.duration_s))
+        motion = _cubics(robot, self.path, law, self.from_ms)
+        use = _Use.of(robot, self.path, law, motion, self.asked, places)
+        torques = self.torques.used(motion, law)
+        each = np.maximum(use.highest, torques.max(axis=1, initial=0.0))
+        firsts = np.searchsorted(use.ends_s, law.begins_s[:-1])
+        return _Tried(law, motion, squares, use, torques, np.maximum.reduceat(each, firsts))
+
+    def correct(self, number: int, tried: _Tried) -> None:
+        """Lower what a pass of a number exceeds; raise UntimedError if nothing helps."""
+        law, use, places = tried.law, tried.use, self.rates.s
+        if number <= _LIMIT_PASSES:
+            self.limits = use.lowered(self.limits, law, places)
+            self.torques.lower(tried.torques, *use.reached(law, places))
+        elif number <= _PASSES:
+            self.caps = np.minimum(self.caps, tried.squares / use.factors(tried.torques, law, places))
+        else:
+            later = (law.lasts_s + 0.5e-3) / law.least_s  # the next whole millisecond
+            beyond = np.maximum(self.slower * np.maximum(1.0001, tried.highest), later)
+            self.slower = np.where(tried.highest > _ENOUGH, beyond, self.slower)
+            if self.slower.max() > _SLOWER_MAX:
+                raise UntimedError(*use.worst(self.robot, law))
+
+
+@dataclass(slots=True, eq=False)
+class _Torques:
+    """The torques of drives along a path, if any limit it.
+
+    Attributes:
+        rates: the path.
+        drives: the drives on it; None: nothing but its other limits counts.
+        solver: solver of the path without drives.
+        parts: shape (places, axes), what each drive may add to the weight that it carries, as a part of what it has.
+        squares: shape (places,), the last squares of the speed, about which torques are linear.
+    """
+
+    rates: PathRates
+    drives: DrivesOnPath | None
+    solver: Solver
+    parts: FloatArray
+    squares: FloatArray | None = None
+
+    @classmethod
+    def of(cls, rates: PathRates, drives: DrivesOnPath | None, rows: Rows) -> "_Torques":
+        return cls(rates, drives, Solver.of(rates.s, rows), np.ones((len(rates.s), drives.axes if drives else 0)))
+
+    def fastest(self, rows: Rows) -> FloatArray:
+        """Return the squares of the highest speeds within rows and torques."""
+        s = self.rates.s
+        if self.drives is None:
+            return self.solver.squares(rows.c, rows.x_max)
+        solutions = 1
+        if self.squares is None:
+            self.squares, solutions = self.solver.squares(rows.c, rows.x_max), _LINEARISED
+        for _ in range(solutions):
+            self.squares = fastest_squares(s, rows.beside(self.drives.rows(self.squares, self.parts)))
+        return self.squares
+
+    def used(self, motion: Sampled, law: Averaged) -> FloatArray:
+        """Return the part of its torque that each drive uses, shape (records, axes)."""
+        times_s = np.asarray(motion.curve.x)
+        if self.drives is None:
+            return np.zeros((len(times_s) - 1, 0))
+        return self.drives.used(motion, law.at(times_s)[0]) / _TORQUE_SLACK
+
+    def lower(self, used: FloatArray, begins: Int64Array, ends: Int64Array) -> None:
+        """Lower what drives may add around the records that use too much."""
+        self.parts = self.parts / _factors(used, len(self.parts), begins, ends)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Use:
+    """How much of each limit the cubics use, as shape (records, joints + axes), and the tool's speeds, (records, 2)."""
+
+    ends_s: FloatArray
+    speeds: FloatArray
+    accelerations: FloatArray
+    tool: FloatArray
+
+    @classmethod
+    def of(
+        cls, robot: Robot, path: LimitedPath, law: Averaged, motion: Sampled, asked: PathLimits, places: FloatArray
+    ) -> "_Use":
+        times_s = np.asarray(motion.curve.x)
+        dt_s = np.diff(times_s)[:, np.newaxis]
+        positions, velocities = (with_axes(robot, of(times_s)) for of in (motion.positions, motion.velocities))
+        begin, end = velocities[:-1], velocities[1:]
+        chord = np.diff(positions, axis=0) / dt_s
+        first, last = (6 * chord - 4 * begin - 2 * end) / dt_s, (4 * end + 2 * begin - 6 * chord) / dt_s
+        speeds = np.maximum.reduce([np.abs(begin), np.abs(3 * chord - begin - end), np.abs(end)])
+        s, _ = law.at(times_s)
+        index = np.clip(np.searchsorted(places, s, side="right") - 1, 0, len(places) - 1)
+        near = [np.maximum(limit[index[:-1]], limit[index[1:]]) for limit in (asked.speeds, asked.accelerations)]
+        middle_s = (times_s[:-1] + times_s[1:]) / 2
+        at_ends, at_middles = (_tool_used(path, law, t_s, asked, places) for t_s in (times_s, middle_s))
+        tool = np.maximum.reduce([at_ends[:-1], at_middles, at_ends[1:]])
+        return cls(
+            times_s,
+            speeds / near[0],
+            np.maximum(np.abs(first), np.abs(last)) / near[1],
+            tool / _TOOL_SLACK,
+        )
+
+    @property
+    def highest(self) -> FloatArray:
+        """Shape (records,), the largest part of a limit that each uses."""
+        parts = (self.speeds, self.accelerations, self.tool)
+        return np.asarray(np.maximum.reduce([each.max(axis=1) for each in parts]))
+
+    def worst(self, robot: Robot, law: Averaged) -> tuple[str, float]:
+        """Return which limit is exceeded most, in words, and at which parameter of the path."""
+        names = [*(f"{joint.name}'s" for joint in robot.joints), *(f"{joint.name}'s axis'" for joint in robot.axes)]
+        parts = [self.speeds, self.accelerations, self.tool]
+        row, column = np.unravel_index(int(np.argmax(used := np.concatenate(parts, axis=1))), used.shape)
+        whats = [f"{name} {what}" for what in ("speed", "acceleration") for name in names]
+        what = [*whats, "the tool's speed", "the tool's turn"][column]
+        s = float(law.at(self.ends_s[row : row + 1])[0][0])
+        return (
+            f"{what} is {used[row, column]:.3g} times the highest at whatever pace: the path turns too sharply there",
+            s,
+        )
+
+    def lowered(self, limits: PathLimits, law: Averaged, places: FloatArray) -> PathLimits:
+        """Return limits lowered around the records that exceed theirs, as far as the average reaches."""
+        reach = self.reached(law, places)
+        speeds, accelerations, tool = (
+            limit / _factors(used, len(places), *reach)
+            for used, limit in (
+                (self.speeds, limits.speeds),
+                (self.accelerations, limits.accelerations),
+                (self.tool, limits.tool),
+            )
+        )
+        return replace(limits, speeds=speeds, accelerations=accelerations, tool=tool)
+
+    def factors(self, torques: FloatArray, law: Averaged, places: FloatArray) -> FloatArray:
+        """Return by how much the squares of the speeds are to be lowered at each place, of shape (places,).
+
+        `torques` are the parts of their torques that the drives use, shape (records, drives).
+        """
+        parts = [self.speeds**2, self.accelerations, self.tool**2, torques]
+        used = np.concatenate(parts, axis=1).max(axis=1, keepdims=True)
+        return _factors(used, len(places), *self.reached(law, places))[:, 0]
+
+    def reached(self, law: Averaged, places: FloatArray) -> tuple[Int64Array, Int64Array]:
+        """Return the first place and the one after the last that each record is averaged from, all of its run."""
+        run = law.run_at(self.ends_s[:-1])
+        begin_s, end_s = law.begins_s[run], law.begins_s[run + 1]
+        from_s, _ = law.at(np.clip(self.ends_s[:-1] - law.average_s, begin_s, end_s))
+        until_s, _ = law.at(np.clip(self.ends_s[1:] + law.average_s, begin_s, end_s))
+        # where two runs meet the place stands twice: once for each
+        bounds = np.concatenate([[0], np.searchsorted(places, law.s[law.rests[1:-1]]) + 1, [len(places)]])
+        firsts, lasts = np.searchsorted(places, from_s, side="left"), np.searchsorted(places, until_s, side="right")
+        return np.maximum(firsts, bounds[run]), np.minimum(lasts, bounds[run + 1])
+
+
+def _tool_used(path: LimitedPath, law: Averaged, t_s: FloatArray, asked: PathLimits, places: FloatArray) -> FloatArray:
+    """Return the part of the tool's speeds that is used at times of shape (n,), as shape (n, 2)."""
+    at, rate = law.at(t_s)
+    limit = asked.tool[np.clip(np.searchsorted(places, at, side="right") - 1, 0, len(places) - 1)]
+    return path.tool(at) * rate[:, np.newaxis] / limit
+
+
+def _factors(used: FloatArray, places: int, begins: Int64Array, ends: Int64Array) -> FloatArray:
+    """Return the largest excess of the records that reach each place, of shape (places, columns), at least 1."""
+    factors = np.ones((places, used.shape[1]))
+    for row, column in np.argwhere(used > _ENOUGH):
+        part = factors[begins[row] : ends[row], column]
+        np.maximum(part, min(used[row, column] * (1 + _BEYOND), _LOWERED_MAX), out=part)
+    return factors
+
+
+def _cubics(robot: Robot, path: LimitedPath, law: Averaged, from_ms: int) -> Sampled:
+    """Return the cubics through the path at knots of whole milliseconds, as close to it as OFF_STEPS."""
+    begins_ms = np.rint(1000 * law.begins_s).astype(np.int64)
+    grid_ms = np.arange(-from_ms % DEFAULT_POINT_MS, begins_ms[-1], DEFAULT_POINT_MS)
+    knots_ms = np.unique(np.concatenate([begins_ms, grid_ms]))
+    joints, velocities = _on_path(path, law, knots_ms)
+    unseen = np.arange(len(knots_ms) - 1)
+    while True:
+        check_planning_time()
+        begins_ms, ends_ms = knots_ms[unseen], knots_ms[unseen + 1]
+        middles_ms = (begins_ms + ends_ms) // 2
+        middles, speeds = _on_path(path, law, middles_ms)
+        last_ms = (ends_ms - begins_ms)[:, np.newaxis]
+        dt_s, part = last_ms / 1000, (middles_ms - begins_ms)[:, np.newaxis] / last_ms
+        at_end = part**2 * (3.0 - 2.0 * part)
+        bulge = part * (1.0 - part) * dt_s * ((1.0 - part) * velocities[unseen] - part * velocities[unseen + 1])
+        made = joints[unseen] + at_end * (joints[unseen + 1] - joints[unseen]) + bulge
+        off = np.abs(robot.to_steps(made) - robot.to_steps(middles)).max(axis=1)
+        split = (off > OFF_STEPS) & (last_ms[:, 0] >= 2 * _RECORD_MS_MIN)
+        if not split.any():
+            return Sampled.hermite(robot.joint_names, knots_ms / 1000, joints, velocities)
+        at = unseen[split] + 1
+        knots_ms = np.insert(knots_ms, at, middles_ms[split])
+        joints, velocities = (
+            np.insert(joints, at, middles[split], axis=0),
+            np.insert(velocities, at, speeds[split], axis=0),
+        )
+        halves = at + np.arange(len(at))
+        unseen = np.stack([halves - 1, halves], axis=1).ravel()
+
+
+def _on_path(path: LimitedPath, law: Averaged, times_ms: Int64Array) -> tuple[FloatArray, FloatArray]:
+    """Return joints and their velocities, at rest at both ends of each run."""
+    s, rate = law.at(times_ms / 1000)
+    joints, first = path.at(s)
+    is_end = np.isin(times_ms, np.rint(1000 * law.begins_s))
+    return joints, np.where(is_end[:, np.newaxis], 0.0, first * rate[:, np.newaxis])

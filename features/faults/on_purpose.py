@@ -1,0 +1,74 @@
+"""Faults on purpose: print what has become of them."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, Final
+
+from steptwin.host.cli.app import end_unless
+from steptwin.host.cli.arguments import AnswerOptions
+from steptwin.host.cli.output import Columns, fixed, print_rows, say
+
+_UNKNOWN: Final = "unknown after a reset"
+
+
+def _lost(fault: Mapping[str, Any]) -> str:
+    lost = {name: joint["lost_steps"] for name, joint in fault["joints"].items()}
+    if lost and all(steps is None for steps in lost.values()):
+        return _UNKNOWN
+    told = {name: _UNKNOWN if steps is None else fixed(steps, 0) for name, steps in lost.items() if steps != 0}
+    return ", ".join(f"{name} {steps}" for name, steps in told.items()) or "0"
+
+
+_COLUMNS: Final[Columns] = {
+    "fault": "{0[name]}",
+    "due": "{0[due]}",
+    "answer": lambda fault: " ".join(dict.fromkeys(told["code"] for told in fault["emcys"])) or "none",
+    "struck s": lambda fault: "never" if fault["struck_s"] is None else f"{fault['struck_s']:.3f}",
+}
+_TEXTS: Final = 3
+_AFTERWARDS: Final[Columns] = {
+    "stood ms": lambda fault: "-" if fault["standstill_ms"] is None else f"{fault['standstill_ms']:.2f}",
+    "lost steps": _lost,
+    "as documented": lambda fault: "yes" if fault["as_documented"] else "NO",
+}
+
+
+def print_faults(document: Mapping[str, Any]) -> None:
+    """Print a row for each fault, and the scenario's verdict; nothing for a run without a scenario."""
+    if "scenario" not in document:
+        return
+    scenario, faults = document["scenario"], document["faults"]
+    print_rows({**_COLUMNS, **_AFTERWARDS}, faults, text_columns=_TEXTS)
+    struck = sum(fault["struck_s"] is not None for fault in faults)
+    verdict = "PASSED" if scenario["passed"] else "FAILED"
+    say(
+        f"scenario {scenario['name']}: {verdict}, {struck} of {len(faults)} faults struck, seed {scenario['seed']}",
+        *(f"  {reason}" for reason in scenario["reasons"]),
+    )
+
+
+@contextmanager
+def telling_of_faults(answer: AnswerOptions) -> Iterator[None]:
+    """Print what has become of a scenario's faults if an error ends the block before the motion has begun."""
+    from steptwin.features.faults.report import NotBegunError
+
+    try:
+        yield
+    except NotBegunError as error:
+        document = error.scenario.to_dict()
+        answer.tell({"passed": False, **document}, lambda: print_faults(document))
+        raise
+
+
+def print_struck(document: Mapping[str, Any]) -> None:
+    """Print a row for each fault of a live board, on which no plan says what is right; nothing without a scenario."""
+    if "scenario" in document:
+        print_rows({**_COLUMNS, "strikes": "{0[strikes]}"}, document["faults"], text_columns=_TEXTS)
+
+
+def end_unless_struck(document: Mapping[str, Any]) -> None:
+    """End the command with exit code 1 if a fault of a live board's scenario never struck."""
+    never = [fault["name"] for fault in document.get("faults", ()) if fault["struck_s"] is None]
+    if never:
+        say(f"scenario {document['scenario']['name']}: never struck: {', '.join(never)}", err=True)
+    end_unless(not never)

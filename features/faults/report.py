@@ -1,0 +1,184 @@
+"""The report of a played scenario, as data: what became of each fault, and whether the answer is as documented."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import inf
+from typing import Any
+
+from steptwin.features.faults.reaction import Reaction
+from steptwin.host.client.words import state_text
+from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError
+from steptwin.protocol.cia402 import State
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """An EMCY that answered a fault: joint, error code, and how long after the fault's beginning it was on the bus."""
+
+    joint: str
+    code: int
+    after_ms: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it under the keys of report.json."""
+        return {"joint": self.joint, "code": f"0x{self.code:04X}", "after_ms": round(self.after_ms, 3)}
+
+
+@dataclass(frozen=True, slots=True)
+class JointAnswer:
+    """A joint at the end of the run.
+
+    Attributes:
+        state: state of its drive.
+        position_known: whether the firmware says that it knows the position.
+        lost_steps: steps that the firmware has counted since the fault's beginning and the driver has not; None if the
+            board has restarted since: its count begins again then.
+    """
+
+    state: State
+    position_known: bool
+    lost_steps: float | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it under the keys of report.json."""
+        return {
+            "state": state_text(self.state),
+            "position_known": self.position_known,
+            "lost_steps": self.lost_steps,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class FaultReport:
+    """One fault.
+
+    Attributes:
+        name: its name in the scenario.
+        request: what it does, as a request of the control port.
+        due: its trigger in words.
+        struck_s: instant of its first strike, in seconds from the motion's start, or from power-up without one; None:
+            it never struck.
+        strikes: number of its strikes.
+        ended_s: instant of its end; None if it lasted.
+        emcys: the EMCYs from its beginning to that of the next fault.
+        standstill_ms: time from its beginning to the last step before the machine stood; None if it went on.
+        joints: the joints at the end of the run, by name.
+        what: the fault in the words of the table of documented reactions; empty if it never struck.
+        reaction: the reaction that is right; None if it never struck.
+        limit_ms: longest time to standstill; None if the motion goes on.
+        differences: what was not as it should be, in words.
+    """
+
+    name: str
+    request: Mapping[str, Any]
+    due: str
+    struck_s: float | None = None
+    strikes: int = 0
+    ended_s: float | None = None
+    emcys: tuple[Told, ...] = ()
+    standstill_ms: float | None = None
+    joints: Mapping[str, JointAnswer] = field(default_factory=dict)
+    what: str = ""
+    reaction: Reaction | None = None
+    limit_ms: float | None = None
+    differences: tuple[str, ...] = ()
+
+    @property
+    def struck(self) -> bool:
+        """True if it did something."""
+        return self.struck_s is not None
+
+    @property
+    def as_documented(self) -> bool:
+        """True if it struck and the machine answered as it should."""
+        return self.struck and not self.differences
+
+    def so_far(self) -> dict[str, Any]:
+        """Return what is known of the fault before the run has ended, under the keys of report.json."""
+        return {
+            "name": self.name,
+            "do": dict(self.request),
+            "due": self.due,
+            "struck_s": _rounded(self.struck_s),
+            "strikes": self.strikes,
+            "ended_s": _rounded(self.ended_s),
+            "emcys": [told.to_dict() for told in self.emcys],
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fault under the keys of report.json."""
+        reaction = self.reaction
+        return self.so_far() | {
+            "standstill_ms": _rounded(self.standstill_ms),
+            "joints": {name: joint.to_dict() for name, joint in self.joints.items()},
+            "documented": None if reaction is None else self._documented(reaction),
+            "as_documented": self.as_documented,
+            "differences": list(self.differences),
+        }
+
+    def _documented(self, reaction: Reaction) -> dict[str, Any]:
+        return {
+            "what": self.what,
+            "motion": reaction.motion.value,
+            "codes": [f"0x{code:04X}" for code in reaction.codes],
+            "state": None if reaction.state is None else state_text(reaction.state),
+            "standstill_ms": None if self.limit_ms in (None, inf) else self.limit_ms,
+            "certain": reaction.certain,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioReport:
+    """A played scenario: its faults in the order of the scenario, and why it failed; no reasons if it passed."""
+
+    name: str
+    seed: int
+    faults: tuple[FaultReport, ...]
+    reasons: tuple[str, ...]
+
+    @property
+    def passed(self) -> bool:
+        """True if every fault struck, was answered as documented, and nothing was lost in silence."""
+        return not self.reasons
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the scenario under the keys of report.json."""
+        return {
+            "scenario": {
+                "name": self.name,
+                "seed": self.seed,
+                "passed": self.passed,
+                "reasons": list(self.reasons),
+            },
+            "faults": [fault.to_dict() for fault in self.faults],
+        }
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 6)
+
+
+class NotBegunError(StepTwinError):
+    """No motion began.
+
+    Attributes:
+        scenario: what has become of the faults until then; its last reason says why no motion began.
+    """
+
+    scenario: ScenarioReport
+
+
+class SilentStartError(NotBegunError, BusError):
+    """No node answered the host."""
+
+
+class FaultyStartError(NotBegunError, DeviceFaultError):
+    """A drive was in fault, or refused what the host wanted."""
+
+
+def not_begun(error: BusError | DeviceFaultError, scenario: ScenarioReport) -> NotBegunError:
+    """Return the error for a motion that has not begun because of another error."""
+    kind = SilentStartError if isinstance(error, BusError) else FaultyStartError
+    made = kind(str(error)).plainly(error.plain)
+    made.scenario = scenario
+    return made

@@ -1,0 +1,438 @@
+"""Read requests as harms to a robot's machine, and write harms as requests: the same words for all who ask.
+
+The control port, `steptwin inject` and the faults of a scenario use them, help and docs show them. What a request may
+have is in the fields of the harms, in `features/faults/kinds/`; here is how each kind of value is read and written.
+A fault of the bus names the frames that it concerns: those of a service, of one joint's node or of all.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING, asdict, dataclass, fields
+from functools import partial
+from reprlib import repr as short
+from typing import TYPE_CHECKING, Any, Final, cast
+
+from steptwin.features.faults.kinds import HARMS
+from steptwin.features.faults.kinds.harm import Harm, Key, KeyKind
+from steptwin.features.faults.kinds.host import HostFault
+from steptwin.features.faults.kinds.machine import SetInput
+from steptwin.host.common import numbers
+from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.host.common.choices import LEVELS, SWITCHES
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.tables import Reading, Table
+from steptwin.protocol.cia402 import DigitalInput
+from steptwin.protocol.frame import (
+    COB_EMCY,
+    COB_HEARTBEAT,
+    COB_ID_MASK,
+    COB_NMT,
+    COB_RPDO,
+    COB_SDO_REQUEST,
+    COB_SDO_RESPONSE,
+    COB_SYNC,
+    COB_TPDO,
+    FIRST_NODE_ID,
+    FROM_NODE,
+    HOST_NODE_ID,
+    TO_NODE,
+)
+
+if TYPE_CHECKING:
+    from steptwin.host.robots.robot import Robot
+
+
+_NODES: Final[Mapping[str, tuple[int, ...]]] = {
+    "records": (COB_RPDO[3],),
+    "commands": COB_RPDO[:3],
+    "requests": (COB_SDO_REQUEST,),
+    "answers": (COB_SDO_RESPONSE,),
+    "reports": COB_TPDO,
+    "emergencies": (COB_EMCY,),
+    "heartbeats": (COB_HEARTBEAT,),
+    "of-board": FROM_NODE,
+}
+"""Bases of the identifiers to which a joint's node id is added, by name."""
+_HOST_FRAMES: Final[Mapping[str, tuple[int, ...]]] = {
+    "nmt": (COB_NMT,),
+    "sync": (COB_SYNC,),
+    "host-heartbeat": (COB_HEARTBEAT + HOST_NODE_ID,),
+    "of-host": (COB_NMT, COB_SYNC, COB_HEARTBEAT + HOST_NODE_ID),
+    "all": tuple(range(COB_ID_MASK + 1)),
+}
+"""Identifiers by name."""
+_OF_HOST: Final = "of-host"
+
+FRAMES: Final = (*_NODES, *_HOST_FRAMES)
+"""The names."""
+
+
+def per_node(name: str) -> bool:
+    """Return whether frames of this name belong to a joint's node."""
+    return name in _NODES
+
+
+def cob_ids(robot: "Robot", name: str, axis: int | None = None) -> tuple[int, ...]:
+    """Return the identifiers of a name, of one axis' node or of all nodes, in rising order."""
+    axes = range(len(robot.axes)) if axis is None else range(axis, axis + 1)
+    bases = _NODES.get(name, TO_NODE if name == _OF_HOST else ())
+    found = {base + FIRST_NODE_ID + each for base in bases for each in axes}
+    return tuple(sorted(found | set(_HOST_FRAMES.get(name, ()))))
+
+
+def name_of(robot: "Robot", ids: tuple[int, ...]) -> tuple[str, int | None] | None:
+    """Return the name of identifiers, and the axis if they are one node's; None if they have no name."""
+    for axis in (None, *range(len(robot.axes))):
+        for name in FRAMES if axis is None else _NODES:
+            if cob_ids(robot, name, axis) == ids:
+                return name, axis
+    return None
+
+
+def read_identifier(table: Table, key: str) -> int:
+    """Read an identifier of 11 bits; a reading of `Table`."""
+    return checked_identifier(key, table.integer(key))
+
+
+def checked_identifier(key: str, value: object) -> int:
+    """Return an identifier of 11 bits; raise InputError, with the key in front, for anything else."""
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= COB_ID_MASK:
+        raise InputError(f"{key}: {value!r} is not an identifier from 0 to 0x{COB_ID_MASK:X}")
+    return value
+
+
+DATA_BYTES_MAX: Final = 8
+"""Longest data of a frame."""
+STATE: Final = "state"
+"""The request that does nothing: it asks how the machine is."""
+REQUESTS: Final[Mapping[str, type[Harm] | None]] = {**{harm.do: harm for harm in HARMS}, STATE: None}
+"""What each request does, in the order of help and docs."""
+INJECTED: Final = tuple(do for do in REQUESTS if do != HostFault.do)
+"""What may be asked of a served board, whose hosts are programs of their own."""
+
+
+def does(do: str) -> str:
+    """Return what a request does, in words; Markdown."""
+    harm = REQUESTS[do]
+    return "nothing: it asks how the machine is" if harm is None else harm.does
+
+
+def keys_of(do: str) -> dict[str, Key]:
+    """Return the keys that a request has beside `do`, in the order of a command's words."""
+    harm = REQUESTS[do]
+    return {} if harm is None else harm.keys()
+
+
+# --- the kinds of values
+
+
+@dataclass(frozen=True, slots=True)
+class ValueKind:
+    """How a kind of value is read.
+
+    Attributes:
+        metavar: stands for it in help.
+        says: what it is in JSON, in words.
+        of_word: returns the value that a word means, None if it means that the key is missing; raises InputError.
+        read: reads it from a table by its key.
+    """
+
+    metavar: str
+    says: str
+    of_word: Callable[[str], object]
+    read: Callable[[Table, Key], Any]
+
+
+def _level(word: str) -> bool:
+    if word not in LEVELS:
+        raise InputError(f"{word!r} is neither on nor off")
+    return LEVELS[word]
+
+
+def _whole(word: str, base: int = 10) -> int:
+    try:
+        return numbers.whole(word, base)
+    except ValueError:
+        raise InputError(f"{short(word)} is not a whole number") from None
+
+
+def _identifiers(word: str) -> str | list[int]:
+    """Return a name, or the identifiers of a list such as 0x510,0x77F."""
+    return [_whole(each, 0) for each in word.split(",")] if word[:1].isdigit() else word
+
+
+def _read_frames(table: Table, key: Key) -> str | tuple[int, ...]:
+    """Read the name of frames, or a list of identifiers."""
+    if not isinstance(table.values.get(key.name), list):
+        name = table.text(key.name)
+        if name not in FRAMES:
+            raise unknown(key.name, name, FRAMES)
+        return name
+    return tuple(sorted({checked_identifier(key.name, each) for each in table.elements(key.name)}))
+
+
+def _read_bytes(table: Table, key: Key) -> bytes:
+    """Read the data of a frame in hexadecimal digits."""
+    text = table.text(key.name)
+    try:
+        data = bytes.fromhex(text)
+    except ValueError:
+        raise InputError(f"{key.name}: {text!r} is not bytes in hexadecimal digits, such as '0f 00'") from None
+    if len(data) > DATA_BYTES_MAX:
+        raise InputError(f"{key.name}: {len(data)} bytes are more than {DATA_BYTES_MAX}")
+    return data
+
+
+def _read_whole(table: Table, key: Key) -> int:
+    return table.integer(key.name, key.most, key.least)
+
+
+def _read_text(table: Table, key: Key) -> str:
+    return table.text(key.name)
+
+
+_HOST: Final = "host"
+_SAYS_JOINT: Final = "name of a joint"
+_KINDS: Final[Mapping[KeyKind, ValueKind]] = {
+    KeyKind.TRUTH: ValueKind("on|off", "true or false", _level, lambda table, key: table.truth(key.name)),
+    KeyKind.WHOLE: ValueKind(
+        "N", "whole number", _whole, lambda table, key: table.integer(key.name, key.most, key.least)
+    ),
+    KeyKind.NUMBER: ValueKind(
+        "NUMBER",
+        "number",
+        numbers.finite_number,
+        lambda table, key: table.number(key.name, key.least, key.most, key.unit),
+    ),
+    KeyKind.WORD: ValueKind("WORD", "word", str, _read_text),
+    KeyKind.JOINT: ValueKind("JOINT", _SAYS_JOINT, str, _read_text),
+    KeyKind.STATION: ValueKind(f"JOINT|{_HOST}", _SAYS_JOINT, lambda word: None if word == _HOST else word, _read_text),
+    KeyKind.INPUT: ValueKind("NAME", "name of an input", str, _read_text),
+    KeyKind.SWITCH: ValueKind("|".join(SWITCHES), " or ".join(f"`{name}`" for name in SWITCHES), str, _read_text),
+    KeyKind.FRAMES: ValueKind("FRAMES", "name of frames, or list of identifiers", _identifiers, _read_frames),
+    KeyKind.IDENTIFIER: ValueKind(
+        "ID", "identifier", lambda word: _whole(word, 0), lambda table, key: read_identifier(table, key.name)
+    ),
+    KeyKind.BYTES: ValueKind("HEX", f"up to {DATA_BYTES_MAX} bytes in hexadecimal digits", str, _read_bytes),
+}
+
+
+def metavar(key: Key) -> str:
+    """Return what stands for a key's value in help."""
+    return key.metavar or "|".join(map(str, key.choices)) or _KINDS[key.kind].metavar
+
+
+def says(key: Key) -> str:
+    """Return what a key's value is in JSON, in words."""
+    return " or ".join(f"`{each}`" for each in key.choices) or _KINDS[key.kind].says
+
+
+def usage(do: str) -> str:
+    """Return what stands behind a request's name in a command: the words that are needed, the others in brackets."""
+    keys = keys_of(do).values()
+    return " ".join(f"[{key.name}={metavar(key)}]" if key.optional else metavar(key) for key in keys)
+
+
+def _read_value(key: Key, table: Table, _name: str) -> Any:
+    """Read the value of a key, of its kind and within its limits."""
+    value = _KINDS[key.kind].read(table, key)
+    if key.choices and value not in key.choices:
+        raise InputError(f"{key.name}: {value!r} is not one of {', '.join(map(str, key.choices))}")
+    return value
+
+
+# --- the parts of a robot
+
+
+def switches_of(robot: "Robot", axis: int) -> dict[str, DigitalInput]:
+    """Return the switches that a joint has, by the names that requests give them."""
+    fitted = robot.axes[axis].switches.inputs
+    return {name: bit for name, bit in SWITCHES.items() if bit in fitted}
+
+
+def _wired(robot: "Robot") -> dict[str, tuple[int, DigitalInput]]:
+    from steptwin.host.operate.inputs_outputs import wired_inputs  # takes long to import, and help needs it not
+
+    return wired_inputs(robot)
+
+
+def wired_input(robot: "Robot", name: str) -> tuple[int, DigitalInput]:
+    """Return the axis and the bit of a robot's input; raise InputError for an unknown name."""
+    wired = _wired(robot)
+    if name not in wired:
+        raise unknown(f"input of {robot.name}", name, wired)
+    return wired[name]
+
+
+def _switch_of(robot: "Robot", joint: str, name: str) -> DigitalInput:
+    fitted = switches_of(robot, robot.axis_index(joint))
+    if name not in fitted:
+        raise unknown(f"switch of {joint}", name, fitted)
+    return fitted[name]
+
+
+def _ids_of(robot: "Robot", joint: str | None, frames: str | tuple[int, ...]) -> tuple[int, ...]:
+    if joint is None:
+        return cob_ids(robot, frames) if isinstance(frames, str) else frames
+    axis = robot.axis_index(joint)
+    if not isinstance(frames, str) or not per_node(frames):
+        raise InputError(f"joint: {joint} has no frames of its own among {frames}")
+    return cob_ids(robot, frames, axis)
+
+
+def _meant(robot: "Robot", key: Key, values: Mapping[str, Any]) -> Any:
+    """Return what the value of a key means for a robot, as the harm's field has it."""
+    value = values[key.name]
+    if value is None:
+        return None
+    match key.kind:
+        case KeyKind.JOINT | KeyKind.STATION:
+            return robot.axis_index(value)
+        case KeyKind.INPUT:
+            return wired_input(robot, value)
+        case KeyKind.SWITCH:
+            return _switch_of(robot, values["joint"], value)
+        case KeyKind.FRAMES:
+            return _ids_of(robot, values["joint"], value)
+    return key.choices[value] if key.choices else key.to_field(value)
+
+
+# --- reading
+
+
+def read_request(robot: "Robot", request: Mapping[str, Any]) -> Harm | None:
+    """Return the harm that a request asks for; None if it only asks how the machine is.
+
+    Raises:
+        InputError: the request does not exist, has other keys or a value out of its range, or names something that the
+            robot does not have.
+    """
+    harm, _ = read_harm(robot, Table(request, "JSON object"), {})
+    return harm
+
+
+def read_harm(robot: "Robot", table: Table, beside: Mapping[str, Reading]) -> tuple[Harm | None, dict[str, Any]]:
+    """Return the harm that a table asks for, and the values of keys that it may have beside those of the harm.
+
+    Raises as `read_request`.
+    """
+    if "do" not in table:
+        raise InputError(f"do: is missing: one of {', '.join(REQUESTS)}")
+    do = table.text("do")
+    if do not in REQUESTS:
+        raise unknown("do", do, REQUESTS)
+    keys, harm = keys_of(do), REQUESTS[do]
+    required = {name: partial(_read_value, key) for name, key in keys.items() if not key.optional}
+    optional = {name: partial(_read_value, key) for name, key in keys.items() if key.optional}
+    values = table.read({"do": Table.text, **required}, {**optional, **beside})
+    made = None if harm is None else _made(robot, harm, {name: values[name] for name in keys})
+    return made, {key: values[key] for key in beside}
+
+
+def _made(robot: "Robot", harm: type[Harm], values: Mapping[str, Any]) -> Harm:
+    """Return a harm with these values of its keys, None for one that is missing."""
+    meant = {name: _meant(robot, key, values) for name, key in harm.keys().items()}
+    given = {
+        name: each for name, each in harm.by_field().items() if any(values[key.name] is not None for key in each.keys)
+    }
+    try:
+        return harm(**{name: each.join(*(meant[key.name] for key in each.keys)) for name, each in given.items()})
+    except ValueError as error:
+        raise InputError(str(error)) from error
+
+
+# --- writing
+
+
+def request_of(robot: "Robot", harm: Harm) -> dict[str, Any]:
+    """Return the request that asks for a harm; `read_request` returns the harm for it."""
+    usual = {each.name: each.default for each in fields(harm) if each.default is not MISSING}
+    values: dict[str, Any] = {}
+    for name, each in harm.by_field().items():
+        value = getattr(harm, name)
+        for key, part in zip(each.keys, each.split(value), strict=True):
+            if not key.optional or key.told or value != usual.get(name):
+                values |= _told(robot, harm, key, part)
+    if KeyKind.INPUT in {key.kind for key in harm.keys().values()} and values["input"] is None:
+        return {"do": type(harm).__name__, **asdict(cast("Any", harm))}  # the robot's file does not know the sensor
+    order = ["do", *harm.keys()]
+    told = {"do": harm.do} | {key: value for key, value in values.items() if value is not None}
+    return {key: told[key] for key in order if key in told}
+
+
+def _told(robot: "Robot", harm: Harm, key: Key, value: Any) -> dict[str, Any]:
+    """Return the values of a key, and of those that go with it, as a request has them; None for one left out."""
+    told = value
+    match key.kind:
+        case KeyKind.JOINT | KeyKind.STATION:
+            if value is None:
+                return {}
+            told = robot.axis_names[value]
+        case KeyKind.SWITCH:
+            told = next(name for name, bit in SWITCHES.items() if bit == value)
+        case KeyKind.INPUT:
+            wired = {place: name for name, place in _wired(robot).items()}
+            told = wired.get((cast("SetInput", harm).axis, value))
+        case KeyKind.FRAMES:
+            ids = tuple(sorted(set(value)))
+            told, axis = name_of(robot, ids) or (list(ids), None)
+            return {key.name: told, "joint": None if axis is None else robot.axis_names[axis]}
+        case KeyKind.BYTES:
+            told = value.hex(" ")
+        case KeyKind.WORD:
+            told = next(word for word, each in key.choices.items() if each == value)
+    return {key.name: key.of_field(told)}
+
+
+# --- the words of a command
+
+
+def request_of_words(words: Sequence[str]) -> tuple[str, dict[str, object]]:
+    """Return the kind of request that the words of a command ask for, and its keys beside `do`.
+
+    A word such as `rate=0.1` is the value of this key; the other words are those of the remaining keys, in order.
+
+    Raises:
+        InputError: there is no such request, values are missing, too many, unknown, or not of their kind.
+    """
+    if not words:
+        raise InputError(f"WHAT is missing: {', '.join(INJECTED)}")
+    do, *rest = words
+    if do not in INJECTED:
+        raise unknown("WHAT", do, INJECTED)
+    keys, given = keys_of(do), _by_key(do, rest)
+    if any(name not in given for name, key in keys.items() if not key.optional):
+        raise _other_usage(do, rest)
+    values = {}
+    for name, word in given.items():
+        with prefixed(f"{name}: "):
+            values[name] = _KINDS[keys[name].kind].of_word(word)
+    return do, {name: value for name, value in values.items() if value is not None}
+
+
+def _by_key(do: str, words: Sequence[str]) -> dict[str, str]:
+    """Return the words by the keys whose values they are."""
+    keys = keys_of(do)
+    named: dict[str, str] = {}
+    for word in words:
+        key, equals, value = word.partition("=")
+        if equals and key not in keys:
+            raise unknown(f"key of {do}", key, keys)
+        if equals and key in named:
+            raise InputError(f"{key}: is given twice")
+        if equals:
+            named[key] = value
+    alone = [word for word in words if "=" not in word]
+    free = [key for key in keys if key not in named]
+    if len(alone) > len(free):
+        raise _other_usage(do, words)
+    return dict(zip(free, alone, strict=False)) | named
+
+
+def _other_usage(do: str, words: Sequence[str]) -> InputError:
+    return InputError(f"after {do}: {usage(do) or 'nothing'}, not {' '.join(words) or 'nothing'}")
+
+
+def end_of(do: str, values: Mapping[str, object]) -> str | None:
+    """Return what ends the harm of a request, in words; None if it is over at once, or itself the end of one."""
+    harm = REQUESTS[do]
+    return None if harm is None else harm.ends_by(values)

@@ -1,0 +1,326 @@
+"""A step that leads the tool as a file of G-code says."""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from steptwin.features.fastest.chain import AVERAGE_S
+from steptwin.features.fastest.contour import Contour, ContourPath
+from steptwin.features.fastest.executed import TimedPath, UntimedError, timed
+from steptwin.features.fastest.pieces import FollowedPath
+from steptwin.features.fastest.worthwhile_stops import StoppingPath, doubtful, worthwhile
+from steptwin.features.gcode.blocks import GcodeBlock, read_blocks
+from steptwin.features.gcode.cut_runs import CutRun, Placing, cut_runs
+from steptwin.features.gcode.modal import CutMove, Dwell, GcodeAction, HomeMove, OutputWord, RapidMove, Spot, actions
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.bad_input import prefixed, shortened, unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.planning_time import check_planning_time, planning_step
+from steptwin.host.common.tables import Table
+from steptwin.host.planning import checks
+from steptwin.host.planning.motions.tool_move import present_branch
+from steptwin.host.planning.no_way import NO_WAY
+from steptwin.host.planning.programs.flowing import check_none_gathered, switch_on_way
+from steptwin.host.planning.programs.moves import Moves
+from steptwin.host.planning.programs.paces import SPEED_PERCENT, JointPace, LawName, OnTheWay, ToolPace, check_blend
+from steptwin.host.planning.programs.pallets import STATION_FRAME, WorkFrame
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.poses import SCARA
+from steptwin.host.robots.robot import Robot
+
+if TYPE_CHECKING:
+    from steptwin.features.fastest.contour import Contour
+    from steptwin.host.planning.programs.names import Names
+
+GCODE_KEYS: Final = ("frame", "tool_mm", "feed_max_mm_s", "blend_mm", "speed_percent", "outputs")
+"""Keys of the step beside `gcode`."""
+
+_OUTPUT_KEY: Final = re.compile(r"M[3478]|P(0|[1-9][0-9]{0,2})")
+
+
+@dataclass(frozen=True, slots=True)
+class GcodeStep:
+    """Lead the tool as a file of G-code says.
+
+    Attributes:
+        file: the file's name, as the program has it.
+        blocks: its lines.
+        frame: where its coordinates are.
+        tool_mm: length of what the robot's tool holds, along the frame's z axis.
+        feed_max_mm_s: highest feed; infinite without.
+        blend_mm: rounding of corners of which the file says nothing; 0 stops there.
+        outputs: the robot's output for each word.
+        pace: pace of G0.
+    """
+
+    file: str
+    blocks: tuple[GcodeBlock, ...] = field(repr=False)
+    frame: WorkFrame
+    tool_mm: float
+    feed_max_mm_s: float
+    blend_mm: float
+    outputs: Mapping[str, str]
+    pace: JointPace
+
+    @classmethod
+    def read(cls, table: Table, text_of: Callable[[str], str], frames: Mapping[str, WorkFrame | None]) -> "GcodeStep":
+        """Return the step of a table, whose file `text_of` reads.
+
+        Raises InputError for a wrong key, or with file, line and word for the file.
+        """
+        name = table.text("gcode", empty=False)
+        frame = STATION_FRAME
+        if "frame" in table:
+            named = frames.get(table.text("frame", empty=False))
+            if named is None:
+                raise unknown("frame:", table.text("frame"), frames)
+            frame = named
+        blend_mm = table.number("blend_mm") if "blend_mm" in table else 0.0
+        check_blend(blend_mm)
+        feed_max_mm_s = table.number("feed_max_mm_s") if "feed_max_mm_s" in table else np.inf
+        if not feed_max_mm_s > 0:
+            raise InputError(f"feed_max_mm_s: {feed_max_mm_s:g} is not above 0")
+        percent = table.number("speed_percent") if "speed_percent" in table else SPEED_PERCENT
+        outputs = _outputs(table)
+        with prefixed(f"{name}: "):
+            blocks = read_blocks(text_of(name))
+            _check_outputs(blocks, outputs)
+        tool_mm = table.number("tool_mm") if "tool_mm" in table else 0.0
+        return cls(name, blocks, frame, tool_mm, feed_max_mm_s, blend_mm, outputs, JointPace(LawName.FASTEST, percent))
+
+    def __str__(self) -> str:
+        return f"gcode {self.file}"
+
+    def check(self, names: "Names") -> None:
+        for output in self.outputs.values():
+            names.output(output)
+        if names.robot is None:
+            return
+        kinematics = make_kinematics(names.robot)
+        if not kinematics.task.width:
+            raise InputError(f"{names.robot.name} has no tool to lead")
+        if kinematics.task is SCARA and not kinematics.attitude_follows:
+            return
+        for block in self.blocks:
+            for word in ("A", "C"):
+                if word in block.numbers:
+                    raise InputError(
+                        f"{self.file}: line {block.line}: {word}: the tool of {names.robot.name} has no turn by itself"
+                    )
+
+    def add_to(self, moves: Moves) -> None:
+        check_none_gathered(moves.legs, "a path of G-code")
+        with prefixed(f"{self.file}: "):
+            _Cutting(self, moves).make()
+
+    def end(self, moves: Moves) -> FloatArray | None:
+        """Return None: where the file ends comes out when it is made."""
+        del moves
+        return None
+
+
+def _outputs(table: Table) -> dict[str, str]:
+    outputs = dict[str, str]()
+    if "outputs" in table:
+        with table.section("outputs") as own:
+            for key in own:
+                if not _OUTPUT_KEY.fullmatch(key):
+                    raise InputError(f"{shortened(key)!r} has no output: there are M3, M4, M7, M8, and P0, P1, ...")
+                outputs[key] = own.text(key, empty=False)
+    return outputs
+
+
+def _check_outputs(blocks: tuple[GcodeBlock, ...], outputs: Mapping[str, str]) -> None:
+    """Raise InputError, with the line, for a word whose output the step does not name."""
+    for block in blocks:
+        keys = [code for group in ("spindle", "coolant") if (code := block.codes.get(group)) not in (None, "M5", "M9")]
+        if "outputs" in block.codes and "P" in block.numbers:
+            keys.append(f"P{block.numbers['P']:g}")
+        for key in keys:
+            if key not in outputs:
+                raise InputError(
+                    f"line {block.line}: {key}: names no output of the robot; the step says which, such as"
+                    f' outputs = {{ {key} = "gripper" }}'
+                )
+
+
+class _Cutting:
+    """Adds what a step's file says to the moves."""
+
+    def __init__(self, step: GcodeStep, moves: Moves) -> None:
+        self._step, self._moves = step, moves
+        self._robot = moves.composer.robot
+        self._kinematics = make_kinematics(self._robot)
+        pose, task = moves.pose_by({}), self._kinematics.task
+        self._placing = Placing(
+            step.frame.place + step.frame.turned(np.array([0.0, 0.0, step.tool_mm])),
+            step.frame.turned(np.eye(3)),
+            step.frame.phi_deg or 0.0,
+            () if task.is_flat else pose[3:],
+            min(task.width, 4),
+        )
+        self._waiting: list[CutMove] = []
+        self._place: Spot = self._placing.spot(pose)
+        """Where the moves have led to; those that are no way do not add up unseen."""
+        self._corners, self._stops, self._paths = 0, 0, 0
+
+    def make(self) -> None:
+        moves, placing = self._moves, self._placing
+        home = self._kinematics.forward(np.array(self._robot.home)[np.newaxis])[0].tolist()
+        for action in actions(self._step.blocks, self._place, placing.spot(home)):
+            check_planning_time()
+            if isinstance(action, CutMove) and self._waits(action):
+                continue
+            self._cut()
+            with prefixed(f"line {action.line}: "):
+                self._stand_or_go(action)
+            match action:
+                case RapidMove(_, goal):
+                    self._place = goal
+                case HomeMove():
+                    self._place = placing.spot(home)
+        self._cut()
+        moves.leg_times, moves.switched = [], ()
+        moves.notes = (
+            f"{len(self._step.blocks)} lines: {_many(self._paths, 'path')} of the tool without a stop,"
+            f" {_many(self._corners, 'corner')} rounded, {_many(self._stops, 'stop')} at corners",
+        )
+
+    def _waits(self, move: CutMove) -> bool:
+        """Let a move wait for those that it flows into; return False for one that leads nowhere."""
+        if move.arc is None:
+            move = replace(move, start=(*self._place[:3], move.start[3]))
+            if max(abs(a - b) for a, b in zip(move.start[:3], move.goal[:3], strict=True)) <= NO_WAY:
+                return False
+        self._waiting.append(move)
+        self._place = move.goal
+        return True
+
+    def _stand_or_go(self, action: GcodeAction) -> None:
+        moves, pace, outputs = self._moves, self._step.pace, self._step.outputs
+        match action:
+            case RapidMove(_, goal):
+                moves.go(moves.joints_of(self._placing.pose(goal)), pace)
+            case HomeMove():
+                moves.go(np.array(self._robot.home), pace)
+            case Dwell(_, time_s):
+                if time_s:
+                    moves.composer.pause(max(1, round(1000 * time_s)) / 1000)
+            case OutputWord(_, key, on):
+                moves.composer.switch(outputs[key], on=on)
+            case CutMove():  # a turn on the spot
+                for key, on in action.changes:
+                    moves.composer.switch(outputs[key], on=on)
+                moves.line(self._placing.pose(action.goal), ToolPace(action.feed_mm_s, law=LawName.FASTEST))
+
+    def _cut(self) -> None:
+        """Make the moves that wait, without a stop but where corners need it."""
+        if not self._waiting:
+            return
+        for run in cut_runs(self._waiting, self._placing, self._step.blend_mm):
+            self._take(run)
+        self._waiting.clear()
+
+    def _take(self, run: CutRun) -> None:
+        composer = self._moves.composer
+        way = _Way.of(self._robot, composer.joints, self._step, run)
+        self._check_range(way)
+        begins_s = composer.now_s
+        with planning_step(f"{self._step.file}: {way.where(0.0)} a path of {len(run.contour.lengths_mm)} pieces"):
+            way, made = way.fastest(round(1000 * begins_s))
+        run, stops = way.run, len(way.run.stops)
+        self._paths, self._stops = self._paths + 1 + stops, self._stops + stops
+        self._corners += int(run.contour.roundings.sum())
+        composer.take(made.motion)
+        changing = [i for i, move in enumerate(run.moves) if move.changes]
+        times_s = made.law.times_at(run.begins_mm[changing])
+        for i, time_s in zip(changing, times_s.tolist(), strict=True):
+            changes = [OnTheWay(self._step.outputs[key], on, 0.0) for key, on in run.moves[i].changes]
+            switch_on_way(composer, changes, [time_s if i else 0.0] * len(changes), begins_s)
+
+    def _check_range(self, way: "_Way") -> None:
+        """Raise InputError for the first line on which a joint leaves its range, with how far it would go there."""
+        at_mm = way.path.followed.guide_mm
+        for i, joint in enumerate(self._robot.joints):
+            column = way.path.followed.guides[:, i]
+            outside = np.flatnonzero((column < joint.lower - NO_WAY) | (column > joint.upper + NO_WAY))
+            if len(outside):
+                line, end_mm = _line_at(way.run.contour, float(at_mm[outside[0]]))
+                of_line = outside[at_mm[outside] <= end_mm]
+                reached = np.append(column[of_line], np.interp(end_mm, at_mm, column))
+                beyond = np.maximum(joint.lower - reached, reached - joint.upper)
+                with prefixed(f"line {line}: "):
+                    checks.check_within(joint, float(reached[np.argmax(beyond)]))
+
+
+def _line_at(contour: Contour, at_mm: float) -> tuple[int, float]:
+    """Return the line of a place on a path, and the length at which the line's pieces end."""
+    piece = int(contour.place_of(np.array([at_mm]))[0][0])
+    line = contour.lines[piece]
+    while piece + 1 < len(contour.lines) and contour.lines[piece + 1] == line:
+        piece += 1
+    return int(line), float(contour.starts_mm[piece] + contour.lengths_mm[piece])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Way:
+    """A run of a file with the joints that follow it, from joints of shape (joints,) on."""
+
+    robot: Robot
+    start: FloatArray
+    step: GcodeStep
+    run: CutRun
+    path: ContourPath
+
+    @classmethod
+    def of(cls, robot: Robot, start: FloatArray, step: GcodeStep, run: CutRun) -> "_Way":
+        contour = run.contour
+        np.minimum(contour.speeds_mm_s, step.feed_max_mm_s, out=contour.speeds_mm_s)
+        branch = present_branch(robot, start)
+        followed = FollowedPath.along(robot, contour, branch, start, partial(_where, contour))
+        return cls(robot, start, step, run, ContourPath(robot, contour, followed))
+
+    def where(self, at_mm: float) -> str:
+        """Return the line that makes a place, in words."""
+        return _where(self.run.contour, at_mm)
+
+    def fastest(self, from_ms: int) -> tuple["_Way", TimedPath]:
+        """Return the way with the stops that make it faster, and its motion, which begins at a time of the program."""
+        run = self.run
+        corners = doubtful(self.robot, self.path, run.begins_mm[1:], run.radii_mm, AVERAGE_S)
+        if not corners:
+            return self, self.timed(from_ms)
+
+        def stop_in(corners: Sequence[int]) -> StoppingPath:
+            way = self._stopping_in(corners)
+            return StoppingPath(way.path, way.run.stops_mm, AVERAGE_S)
+
+        stops, apart_s = worthwhile(self.robot, corners, stop_in)
+        way = self._stopping_in(stops)
+        made = way.timed(from_ms)
+        if made.law.duration_s <= apart_s or stops == corners:
+            return way, made
+        apart = self._stopping_in(corners)
+        return min((way, made), (apart, apart.timed(from_ms)), key=lambda found: found[1].law.duration_s)
+
+    def timed(self, from_ms: int) -> TimedPath:
+        """Return its motion; raise InputError, with the line, if there is none."""
+        try:
+            return timed(self.robot, self.path, AVERAGE_S, from_ms, stops=self.run.stops_mm)
+        except UntimedError as error:
+            raise InputError(f"{self.where(error.s)} {error}") from error
+
+    def _stopping_in(self, corners: Sequence[int]) -> "_Way":
+        return _Way.of(self.robot, self.start, self.step, self.run.stopping_in(corners)) if corners else self
+
+
+def _where(contour: Contour, at_mm: float) -> str:
+    return f"line {contour.lines[contour.place_of(np.array([at_mm]))[0][0]]}:"
+
+
+def _many(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"

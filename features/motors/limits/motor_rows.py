@@ -1,0 +1,320 @@
+"""The torques of a robot's motors along a path, as rows of the path's acceleration u and the square x of its speed.
+
+With the rotors' angles r0 on the path and their derivatives r1 and r2 by its parameter, the arm needs at each rotor
+A u + B x + G: G carries the weights, A are the masses' torques for r1, B those for r2 and for the speeds r1, all by
+Newton-Euler (`rotors/mechanics.py`). The rotor's own inertia is in A and B. Friction and the gear's efficiency
+rub against the motion. What there is, is the pull-out torque at the rotor's speed, less what is to be left.
+
+Then the rotors turn by the motion before it is run: do they keep step, also if it were somewhat faster? The
+emulated board runs the motion, and the edges of its own drivers turn the rotors, as `run --motors` does. So what is
+promised here is what a run finds, with the drivers' currents, decay and reduced currents.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import pi
+from typing import Final, Self
+
+import numpy as np
+from scipy.linalg import eigh
+
+from steptwin.features.fastest.drives import DriveAnswer, DriveTrial, PathLoad
+from steptwin.features.fastest.rows import PathRates, Rows
+from steptwin.features.motors.rotors.arm import Arm
+from steptwin.features.motors.rotors.motor import RAD_S_PER_RPM
+from steptwin.features.motors.rotors.rotors import Drive
+from steptwin.features.motors.rotors.torques import carried_torque_nm, needed_torque_nm
+from steptwin.features.motors.turning import check_described
+from steptwin.features.motors.turning.after_run import first_of, first_slip, rotors_after_run
+from steptwin.features.motors.turning.drives import drive_of
+from steptwin.features.motors.turning.driving import Driving, PayloadTimes
+from steptwin.features.motors.turning.mechanism import arm_of
+from steptwin.features.motors.turning.poses import carried_inertias, rad_per_unit, rotors_of
+from steptwin.features.motors.turning.torques import Curves, PullOutCurve, torques_of_plan
+from steptwin.host.common.arrays import BoolArray, FloatArray
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.planning_time import check_planning_time
+from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.planner import plan
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.embedded.execution import execute
+from steptwin.host.twin.machine.drivers import driver_profile, driver_settings, phase_currents_a
+from steptwin.host.twin.machine.kernels import fastest_kernel
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+AVERAGE_MIN_S: Final = 0.02
+"""Least time over which a motion is averaged: two PVT points."""
+SWINGS: Final = 1.5
+"""Averaging time in periods of the arm's slowest swing: at 70 % of its torque a motor is a softer spring."""
+_SWING_PLACES: Final = 9
+"""Places of a path where the arm's swing is looked at."""
+_STANDS: Final = 1e-9
+"""Part of a path's fastest rotor below which a rotor stands."""
+LOAD_MAX_DEG: Final = 85.0
+"""Greatest load angle: 90 degrees is the greatest torque, beyond which a rotor that is pulled further slips."""
+FASTER: Final = 0.87
+"""Part of its time in which the rotors must still manage a motion."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotorLimits:
+    """A robot's motors, and how much of their torque is to be left; implements DriveLimits.
+
+    Attributes:
+        robot: the robot.
+        left_percent: torque that is to be left at each speed, of the pull-out torque.
+        drives: of each axis.
+        curves: pull-out torque of each axis' motor.
+        arms: without and with the payload.
+    """
+
+    robot: Robot
+    left_percent: float
+    drives: tuple[Drive, ...]
+    curves: tuple[PullOutCurve, ...]
+    arms: tuple[Arm, Arm]
+
+    @classmethod
+    def of(cls, robot: Robot, left_percent: float) -> Self:
+        """Return the limits of a robot; raise InputError if its file does not describe its motors and masses."""
+        payload_kg = check_described(robot).payload_kg
+        profile = driver_profile(robot.board)
+        setup = driver_settings(robot.board, profile)
+        fastest = robot.axis_speeds_max * rad_per_unit(robot)
+        curves = Curves(robot, float(fastest.max()) / RAD_S_PER_RPM, setup)
+        drives = tuple(drive_of(joint, setup.chip) for joint in robot.axes)
+        currents_a = phase_currents_a(robot, profile)
+        own = tuple(curves.of(drive.motor, each) for drive, each in zip(drives, currents_a, strict=True))
+        return cls(robot, left_percent, drives, own, (arm_of(robot, 0.0), arm_of(robot, payload_kg)))
+
+    def left_more(self, percent: float) -> Self:
+        """Return the same with more percent left."""
+        return replace(self, left_percent=min(self.left_percent + percent, 95.0))
+
+    def available_nm(self, rad_s: FloatArray) -> FloatArray:
+        """Return what may be used of the pull-out torques at rotors' speeds, both of shape (n, axes)."""
+        part = 1.0 - self.left_percent / 100.0
+        return part * np.column_stack([curve.at(rad_s[:, i] / RAD_S_PER_RPM) for i, curve in enumerate(self.curves)])
+
+    def swing_hz(self, joints: FloatArray, arm: Arm) -> float:
+        """Return the lowest frequency at which the arm swings on its motors, at joints of shape (n, joints).
+
+        Each motor is a spring of its pull-out torque at rest for each rad of the electrical angle, with its belt in
+        series; rotors and masses are those of `carried_inertias`, coupled.
+        """
+        springs = np.array(
+            [drive.motor.teeth * curve.torque_nm[0] for drive, curve in zip(self.drives, self.curves, strict=True)]
+        )
+        springs = 1.0 / (1.0 / springs + 1.0 / np.array([drive.stiffness_nm_rad for drive in self.drives]))
+        own = np.diag([drive.motor.rotor_inertia_kgm2 for drive in self.drives])
+        inertias = carried_inertias(self.robot, arm, joints) + own
+        lowest = min(float(eigh(np.diag(springs), (each + each.T) / 2.0, eigvals_only=True)[0]) for each in inertias)
+        return float(np.sqrt(lowest)) / (2.0 * pi)
+
+    def along(self, rates: PathRates, load: PathLoad) -> "MotorsOnPath":
+        """Return the motors on a path; raise InputError, with the number, if weights alone need too much."""
+        at = load.at(rates.s)
+        loaded = tuple(
+            _LoadedArm.of(self, arm, rates, where) for arm, where in zip(self.arms, at, strict=True) if where.any()
+        )
+        on_path = MotorsOnPath(self, rates, load, loaded)
+        on_path.check_weights()
+        return on_path
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _LoadedArm:
+    """What an arm needs at each rotor along a path, of shape (n, axes): A u + B x + G, where it counts.
+
+    Attributes:
+        arm: the arm, without the payload or with it.
+        where: shape (n,), the places where it counts.
+        carried: the three terms of what the gears carry, A, B and G.
+        driving: the same with the rotors' own inertia.
+    """
+
+    arm: Arm
+    where: BoolArray
+    carried: tuple[FloatArray, FloatArray, FloatArray]
+    driving: tuple[FloatArray, FloatArray, FloatArray]
+
+    @classmethod
+    def of(cls, limits: MotorLimits, arm: Arm, rates: PathRates, where: BoolArray) -> Self:
+        r0, r1, r2 = (rotors_of(limits.robot, values) for values in (rates.joints, rates.first, rates.second))
+        zeros = np.zeros_like(r0)
+        weight = carried_torque_nm(arm, r0, zeros, zeros)
+        a = carried_torque_nm(arm, r0, zeros, r1, gravity_m_s2=0.0)
+        b = carried_torque_nm(arm, r0, r1, r2, gravity_m_s2=0.0)
+        own = np.array([drive.motor.rotor_inertia_kgm2 for drive in limits.drives])
+        return cls(arm, where, (a, b, weight), (a + own * r1, b + own * r2, weight))
+
+
+@dataclass(frozen=True, eq=False)
+class MotorsOnPath:
+    """The motors of a robot along a path; implements DrivesOnPath."""
+
+    limits: MotorLimits
+    rates: PathRates
+    load: PathLoad
+    arms: tuple[_LoadedArm, ...]
+
+    @property
+    def axes(self) -> int:
+        """Number of the motors."""
+        return len(self.limits.drives)
+
+    @cached_property
+    def average_s(self) -> float:
+        """Time over which a motion is averaged: 1.5 periods of the slowest swing on the path."""
+        rows = np.unique(np.linspace(0, len(self.rates.s) - 1, _SWING_PLACES).astype(np.int64))
+        swing_hz = min(self.limits.swing_hz(self.rates.joints[rows], each.arm) for each in self.arms)
+        return max(AVERAGE_MIN_S, SWINGS / swing_hz)
+
+    @cached_property
+    def _rubbing(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The sign in which each rotor turns, shape (n, axes), 0 if it stands; each gear's friction, and its share."""
+        turning = rotors_of(self.limits.robot, self.rates.first)
+        signs = np.where(np.abs(turning) > _STANDS * np.abs(turning).max(), np.sign(turning), 0.0)
+        drives = self.limits.drives
+        frictions = np.array([drive.friction_nm for drive in drives])
+        return signs, frictions, np.array([1.0 / drive.efficiency - 1.0 for drive in drives])
+
+    def _sides(self, arm: _LoadedArm) -> list[tuple[tuple[FloatArray, FloatArray, FloatArray], FloatArray]]:
+        """Return what must not exceed the torque: the terms of u, x and 1, and the friction that adds to them.
+
+        A motor that speeds up carries what the gear rubs, whichever way the load pulls; one that brakes is helped by
+        it; only the friction counts here. One that stands holds both ways.
+        """
+        signs, frictions, shares = self._rubbing
+        up, down = np.where(signs == 0.0, 1.0, signs), np.where(signs == 0.0, -1.0, -signs)
+        moves = signs != 0.0
+        rubs = np.where(moves, frictions, 0.0)
+
+        def of(sign: FloatArray, share: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+            first, second, third = (
+                sign * driven + share * carried for driven, carried in zip(arm.driving, arm.carried, strict=True)
+            )
+            return first, second, third
+
+        own = np.where(moves, shares, 0.0)
+        return [(of(up, own), rubs), (of(up, -own), rubs), (of(down, np.zeros_like(own)), -rubs)]
+
+    def check_weights(self) -> None:
+        """Raise InputError if weights and friction alone need more torque than may be used at rest."""
+        full = np.array([curve.torque_nm[0] for curve in self.limits.curves])
+        part = 1.0 - self.limits.left_percent / 100.0
+        for arm in self.arms:
+            for (_, _, weight), rubs in self._sides(arm):
+                needed = np.where(arm.where[:, np.newaxis], weight + rubs, 0.0).max(axis=0)
+                axis = int(np.argmax(needed / full))
+                if needed[axis] > part * full[axis]:
+                    can = 100.0 * (1.0 - needed[axis] / full[axis])
+                    raise InputError(
+                        f"{self.limits.robot.axis_names[axis]}: weight and friction alone need {needed[axis]:.3f} of"
+                        f" {full[axis]:.3f} Nm at the motor: of its torque {max(can, 0.0):.0f} % can be left, not"
+                        f" {self.limits.left_percent:g} %"
+                    )
+
+    def rows(self, squares: FloatArray, parts: FloatArray) -> Rows:
+        """Return the torques as rows about squares of the speed, each as a part of what the motor has at rest.
+
+        The torque over x is the chord from rest to the speed that the last solution reached: exact at both.
+        """
+        rad = np.abs(rotors_of(self.limits.robot, self.rates.first))
+        at_rest = self.limits.available_nm(np.zeros_like(rad))
+        there = np.minimum(self.limits.available_nm(rad * np.sqrt(squares)[:, np.newaxis]), at_rest)
+        x = np.maximum(squares, 1e-9 * max(float(squares.max()), 1e-12))[:, np.newaxis]
+        falls = (at_rest - there) / x
+        a, b, c = [], [], []
+        for arm in self.arms:
+            counts = arm.where[:, np.newaxis]
+            for (of_u, of_x, weight), rubs in self._sides(arm):
+                room = at_rest - rubs - weight
+                a.append(np.where(counts, of_u / at_rest, 0.0))
+                b.append(np.where(counts, (of_x + falls) / at_rest, 0.0))
+                c.append(np.where(counts, parts * room / at_rest, 1.0))
+        return Rows(
+            np.concatenate(a, axis=1),
+            np.concatenate(b, axis=1),
+            np.concatenate(c, axis=1),
+            np.full(len(squares), np.inf),
+        )
+
+    def used(self, motion: Sampled, s: FloatArray) -> FloatArray:
+        """Return the part of what it may use that each motor uses at the ends of cubics, shape (records, axes)."""
+        times_s = np.asarray(motion.curve.x)
+        positions, velocities = motion.positions(times_s), motion.velocities(times_s)
+        dt_s = np.diff(times_s)[:, np.newaxis]
+        chord = np.diff(positions, axis=0) / dt_s
+        first = (6 * chord - 4 * velocities[:-1] - 2 * velocities[1:]) / dt_s
+        last = (4 * velocities[1:] + 2 * velocities[:-1] - 6 * chord) / dt_s
+        most = np.zeros((len(dt_s), self.axes))
+        without, with_it = self.load.at(s)
+        arms = dict(zip((False, True), zip(self.limits.arms, (without, with_it), strict=True), strict=True))
+        for rows, accelerations in ((slice(None, -1), first), (slice(1, None), last)):
+            rad, rad_s, rad_s2 = (
+                rotors_of(self.limits.robot, values) for values in (positions[rows], velocities[rows], accelerations)
+            )
+            available = self.limits.available_nm(rad_s)
+            for arm, where in arms.values():
+                if where[rows].any():
+                    needed = np.abs(needed_torque_nm(self.limits.drives, arm, rad, rad_s, rad_s2))
+                    np.maximum(most, np.where(where[rows][:, np.newaxis], needed / available, 0.0), out=most)
+        return most
+
+    def tried(self, motion: Sampled, s: FloatArray, average_s: float) -> DriveTrial:
+        """Turn the rotors by the motion, and by a faster one."""
+        return rotor_trial(self.limits.robot, motion, s, self.load, average_s)
+
+
+def rotor_trial(robot: Robot, motion: Sampled, s: FloatArray, load: PathLoad, average_s: float) -> DriveTrial:
+    """Turn the rotors by a motion whose cubics begin and end at places `s`, with a load by place."""
+    comparison = execute(plan(robot, motion), "", fastest_kernel(), progress=lambda _: check_planning_time()).comparison
+    driving = Driving.of(robot, comparison.evidence)
+    if robot.dynamics and robot.dynamics.payload_held_by:
+        driving = replace(driving, payload=_payload(driving, motion, s, load))
+    trace = rotors_after_run(driving)
+    torques = torques_of_plan(driving, comparison, trace.supply_span_v[0])
+    least, axis = np.unravel_index(int(np.argmin(torques.margins)), torques.margins.shape)
+    moving = trace.counts >= driving.start_counts
+    loads = np.abs(trace.load_deg[moving])
+    answer = DriveAnswer(
+        left_percent=100.0 * float(torques.margins[least, axis]),
+        joint=robot.axis_names[int(axis)],
+        at_s=float(torques.t_s[least]),
+        load_deg=float(loads.max()),
+        average_s=average_s,
+    )
+    if slip := first_of(driving, trace.first_slip_counts):
+        return DriveTrial(f"{slip.joint}'s rotor slips at {slip.at_s:.3f} s", answer)
+    if answer.load_deg > LOAD_MAX_DEG:
+        name = robot.axis_names[int(loads.max(axis=0).argmax())]
+        return DriveTrial(
+            f"{name}'s rotor comes {answer.load_deg:.0f} degrees behind its field, more than {LOAD_MAX_DEG:g}", answer
+        )
+    if slip := first_slip(driving.stretched(FASTER)):
+        return DriveTrial(f"{slip.joint}'s rotor would slip at {slip.at_s:.3f} s in {FASTER:g} of the time", answer)
+    return DriveTrial("", replace(answer, slips_at=_slips_at(driving)))
+
+
+_SLOWEST, _BISECTIONS = 0.5, 6
+"""Least part of its time in which a motion is tried, and how often the interval up to FASTER is halved."""
+
+
+def _slips_at(driving: Driving) -> float | None:
+    """Return the part of its time in which a rotor begins to slip, to 0.006; None if none does in half of it."""
+    slips, keeps = _SLOWEST, FASTER
+    if first_slip(driving.stretched(slips)) is None:
+        return None
+    for _ in range(_BISECTIONS):
+        middle = (slips + keeps) / 2.0
+        slips, keeps = (slips, middle) if first_slip(driving.stretched(middle)) is None else (middle, keeps)
+    return slips
+
+
+def _payload(driving: Driving, motion: Sampled, s: FloatArray, load: PathLoad) -> PayloadTimes:
+    """Return when the payload hangs, of where it does: a change counts from the place on where it may have come."""
+    at = np.minimum(np.searchsorted(s, [change.from_s for change in load.changes]), len(s) - 1)
+    times_s = np.asarray(motion.curve.x)[at]
+    counts = driving.start_counts + np.rint(times_s * COUNTS_PER_SECOND).astype(np.int64)
+    return PayloadTimes(counts, np.array([load.at_start, *(change.held for change in load.changes)]))

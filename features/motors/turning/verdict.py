@@ -1,0 +1,265 @@
+"""What a run asks of its motors: load angles, torques against what there is, slips, heat, the pose really reached.
+
+The pose that the rotors really reach stands beside the planned one and the one that the drivers have counted.
+"""
+
+from dataclasses import asdict, dataclass
+from typing import Any, Final, Self
+
+import numpy as np
+
+from steptwin.features.motors.turning.after_run import RotorTrace
+from steptwin.features.motors.turning.drives import motor_of
+from steptwin.features.motors.turning.driving import Driving
+from steptwin.features.motors.turning.torques import Torques
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.robots.poses import Task
+from steptwin.host.verify import Comparison, RotorSlip
+from steptwin.protocol.drivers import ChipSheet
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ToolPaths:
+    """Poses each ms from the start of the motion until the drivers go off.
+
+    Attributes:
+        task: task of the tool, which says what their columns are.
+        t_s: shape (n,), from the start of the motion.
+        planned: shape (n, task.width).
+        counted: shape (n, task.width), where the drivers' steps put the tool.
+        reached: shape (n, task.width), where the rotors put it.
+    """
+
+    task: Task
+
+    t_s: FloatArray
+    planned: FloatArray
+    counted: FloatArray
+    reached: FloatArray
+
+    @classmethod
+    def of(cls, driving: Driving, comparison: Comparison, trace: RotorTrace) -> Self:
+        """Return the paths of a run; with the errors of the arm's links if the robot's file states some."""
+        expected = comparison.expected
+        first = min(int(np.searchsorted(trace.counts, driving.start_counts)), len(trace.counts) - 1)
+        shown = slice(first, max(int(np.searchsorted(trace.counts, driving.off_counts)), first + 1))
+        t_s = (trace.counts[shown] - driving.start_counts) / COUNTS_PER_SECOND
+        planned = expected.trajectory.positions(np.minimum(t_s, expected.trajectory.duration_s))
+        steps = np.column_stack([axis.around(t_s)[1] for axis in comparison.counted])
+        forward = expected.actual_forward or expected.forward
+        return cls(
+            task=expected.task,
+            t_s=t_s,
+            planned=expected.forward(planned),
+            counted=forward(expected.joints(steps)),
+            reached=forward(expected.coupling.to_joints(trace.positions[shown])),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class ToolReached:
+    """How far the tool really is from where the drivers have counted it.
+
+    Attributes:
+        position_mm_max: largest distance.
+        position_max_at_s: when, from the start of the motion.
+        attitude_deg_max: largest angle.
+        position_mm_end: just before the drivers go off.
+        attitude_deg_end: likewise, with its sign.
+    """
+
+    position_mm_max: float
+    position_max_at_s: float
+    attitude_deg_max: float
+    position_mm_end: float
+    attitude_deg_end: float
+
+    @classmethod
+    def of(cls, paths: ToolPaths) -> Self:
+        """Return the distances of a run; a mechanism that cannot be where the rotors are counts up to there."""
+        apart = paths.reached - paths.counted
+        possible = np.isfinite(apart).all(axis=1)
+        distances_mm = np.linalg.norm(apart[possible, :3], axis=1)
+        angles_deg = paths.task.off_deg(paths.reached[possible], paths.counted[possible])
+        worst = int(distances_mm.argmax())
+        return cls(
+            position_mm_max=float(distances_mm[worst]),
+            position_max_at_s=float(paths.t_s[possible][worst]),
+            attitude_deg_max=float(np.abs(angles_deg).max()),
+            position_mm_end=float(distances_mm[-1]),
+            attitude_deg_end=float(angles_deg[-1]),
+        )
+
+
+MARGIN_MIN: Final = 0.30
+"""Torque that should be left: what builders keep in hand for what a model does not know."""
+
+AMBIENT_CELSIUS: Final = 25.0
+WINDING_MAX_CELSIUS: Final = 130.0
+"""Limit of insulation class B, that of the catalogue's motors (IEC 60085)."""
+
+
+@dataclass(frozen=True, slots=True)
+class JointLoad:
+    """What one joint's motor had to do.
+
+    Attributes:
+        name: the joint.
+        motor: the motor's name.
+        load_angle_deg: greatest load angle, electrical degrees; beyond 90 a motor holds no more.
+        load_angle_at_s: when, from the start of the motion; before it the machine is enabled.
+        torque_needed_nm: where the margin is least.
+        torque_available_nm: pull-out torque at that speed.
+        margin: 1 - needed / available, the least over the motion.
+        margin_at_s: when.
+        margin_rpm: the motor's speed then.
+        first_slip_s: None without a slip.
+        lost_full_steps: at the end, with sign.
+        winding_celsius: at the end, from 25 degC at the beginning.
+        winding_celsius_steady: if the run is repeated without a break until the temperature rises no more.
+    """
+
+    name: str
+    motor: str
+    load_angle_deg: float
+    load_angle_at_s: float
+    torque_needed_nm: float
+    torque_available_nm: float
+    margin: float
+    margin_at_s: float
+    margin_rpm: float
+    first_slip_s: float | None
+    lost_full_steps: float
+    winding_celsius: float
+    winding_celsius_steady: float
+
+
+@dataclass(frozen=True, slots=True)
+class MotorVerdict:
+    """Whether the motors keep step, and with how much torque to spare.
+
+    Attributes:
+        payload_kg: mass at the tool, by the robot's file.
+        supply_v: of the drivers without load.
+        supply_v_min: lowest under load.
+        supply_v_max: highest, while motors brake.
+        tool: how far the tool really is from where the drivers have counted it.
+        joints: in the robot's order.
+        chip: of the drivers.
+        other_payloads_kg: masses that the payload was given in the course of the run: the rotors felt them, but what
+            the plan needs of the motors is told for `payload_kg`.
+    """
+
+    payload_kg: float
+    supply_v: float
+    supply_v_min: float
+    supply_v_max: float
+    tool: ToolReached
+    joints: tuple[JointLoad, ...]
+    chip: ChipSheet
+    other_payloads_kg: tuple[float, ...] = ()
+
+    @property
+    def kept_step(self) -> bool:
+        """True if no rotor has slipped."""
+        return all(joint.first_slip_s is None for joint in self.joints)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """One line for each joint that lost steps."""
+        return tuple(
+            str(RotorSlip(joint.name, joint.first_slip_s, joint.lost_full_steps))
+            for joint in self.joints
+            if joint.first_slip_s is not None
+        )
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """One line for each joint with less torque to spare than MARGIN_MIN, for hot windings and for the supply."""
+        kept = [joint for joint in self.joints if joint.first_slip_s is None]
+        return (
+            *(_shortage(joint) for joint in kept if joint.margin < MARGIN_MIN),
+            *(_heat(joint) for joint in self.joints if joint.winding_celsius_steady > WINDING_MAX_CELSIUS),
+            *self._supply_warnings(),
+        )
+
+    def _supply_warnings(self) -> tuple[str, ...]:
+        (low_v, high_v), chip, lines = self.chip.supply_v.value, self.chip.name, []
+        if self.supply_v_min < low_v:
+            lines.append(f"supply: falls to {self.supply_v_min:.1f} V, and a {chip} needs {low_v:g} V")
+        if self.supply_v_max > high_v:
+            lines.append(
+                f"supply: braking motors raise it to {self.supply_v_max:.1f} V, and a {chip} bears {high_v:g} V"
+            )
+        return tuple(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON."""
+        return {
+            "payload_kg": self.payload_kg,
+            **({"other_payloads_kg": list(self.other_payloads_kg)} if self.other_payloads_kg else {}),
+            "supply_v": self.supply_v,
+            "supply_v_min": self.supply_v_min,
+            "supply_v_max": self.supply_v_max,
+            "kept_step": self.kept_step,
+            "assumed": ["masses"],
+            "tool": asdict(self.tool),
+            "joints": [asdict(joint) for joint in self.joints],
+        }
+
+
+def _shortage(joint: JointLoad) -> str:
+    place = f"at {joint.margin_at_s:.3f} s, {joint.margin_rpm:.0f} turns a minute"
+    torques = f"{joint.name}: needs {joint.torque_needed_nm:.3f} of {joint.torque_available_nm:.3f} Nm {place}"
+    if joint.margin < 0.0:
+        return f"{torques}: it keeps step only because that is short"
+    return f"{torques}: {100 * joint.margin:.0f} % is left, less than {100 * MARGIN_MIN:.0f} %"
+
+
+def _heat(joint: JointLoad) -> str:
+    return (
+        f"{joint.name}: its windings reach {joint.winding_celsius_steady:.0f} degC if the run is repeated without a"
+        f" break, more than {WINDING_MAX_CELSIUS:g} degC"
+    )
+
+
+def motor_verdict(driving: Driving, torques: Torques, trace: RotorTrace, tool: ToolReached) -> MotorVerdict:
+    """Judge a run by what its rotors did, and by the torques that its plan needs."""
+    dynamics = driving.dynamics
+    loads = tuple(_joint_load(driving, torques, trace, axis) for axis in range(len(driving.robot.axes)))
+    return MotorVerdict(
+        dynamics.payload_kg, dynamics.supply_v, *trace.supply_span_v, tool, loads, driving.chip, trace.other_payloads_kg
+    )
+
+
+def _joint_load(driving: Driving, torques: Torques, trace: RotorTrace, axis: int) -> JointLoad:
+    joint = driving.robot.axes[axis]
+    assert joint.motor is not None
+    motor = motor_of(joint.motor, joint.transmission.full_steps_per_rev)
+    margins = torques.margins[:, axis]
+    least, worst = int(np.argmin(margins)), int(np.argmax(np.abs(trace.load_deg[:, axis])))
+    slip = trace.first_slip_counts[axis]
+    return JointLoad(
+        name=joint.name,
+        motor=motor.name,
+        load_angle_deg=float(trace.load_deg[worst, axis]),
+        load_angle_at_s=driving.seconds(int(trace.counts[worst])),
+        torque_needed_nm=float(abs(torques.needed_nm[least, axis])),
+        torque_available_nm=float(torques.available_nm[least, axis]),
+        margin=float(margins[least]),
+        margin_at_s=float(torques.t_s[least]),
+        margin_rpm=float(abs(torques.rpm[least, axis])),
+        first_slip_s=None if slip is None else driving.seconds(slip),
+        lost_full_steps=float(trace.lost_full_steps[-1, axis]),
+        winding_celsius=AMBIENT_CELSIUS + float(trace.warmer_k[-1, axis]),
+        winding_celsius_steady=AMBIENT_CELSIUS + _steady_k(driving, trace, axis),
+    )
+
+
+def _steady_k(driving: Driving, trace: RotorTrace, axis: int) -> float:
+    """Return the rise of the windings' temperature by the mean of their losses."""
+    drive = driving.drives()[axis]
+    in_winding = drive.motor.resistance_ohm / (drive.motor.resistance_ohm + drive.bridge_ohm)
+    seconds = len(trace.counts) / 1000.0
+    return float(drive.motor.thermal_resistance_k_w * in_winding * trace.energies.copper[axis] / seconds)

@@ -1,0 +1,262 @@
+"""The head of the page: what the machine does, what is in the way, who operates, what stops it; the log of events."""
+
+import time
+from collections.abc import Iterable
+from typing import Final
+
+from nicegui import ui
+
+from steptwin.features.panel.desk.commands import HomeAll, ResetFaults
+from steptwin.features.panel.desk.history import Event, Severity
+from steptwin.features.panel.desk.state import Activity, Snapshot
+from steptwin.features.panel.page.elements import Chip, Tone, card, choice, heading, icon_button, line, plain
+from steptwin.features.panel.page.visitor import SHOWN, Visitor
+from steptwin.host.client.words import STOP_PRESSED
+
+
+class PageHead:
+    """The head of the page; it stays in sight, with the emergency stop in it.
+
+    Attributes:
+        root: the element that holds the head; the banner is placed in it, since it must stay in sight, too.
+    """
+
+    def __init__(self, visitor: Visitor) -> None:
+        self._visitor = visitor
+        desk = visitor.desk
+        self.root: ui.header = ui.header().classes("panel-header")
+        with self.root:
+            ui.label(desk.robot.name).classes("panel-title").props('role=heading aria-level="1"')
+            self._simulated = Chip("SIMULATED", "warn")
+            ui.label("no connection to the panel").classes("chip bad no-panel")
+            self._state = Chip()
+            self._activity = Chip()
+            for said in (self._state, self._activity):
+                said.element.classes("said")
+            self._activity.element.props["data-activity"] = ""
+            ui.element("div").classes("panel-spring")
+            with line("tight"):
+                self._pause = plain("Pause", lambda: visitor.attempt(lambda: desk.pause(visitor.name)), "pause")
+                self._resume = plain("Resume", lambda: visitor.attempt(self._go_on), "play_arrow", moves=True)
+                halt = plain("Stop", None, "stop")  # the panel's script sends stops, in more ways than one
+                halt.props["data-stop"] = "stop"
+            with line("tight said"):
+                self._operator = Chip()
+                self._take = plain("Operate", self._take_lease)
+                self._give = plain("Give up", self._give_lease)
+            theme = icon_button("contrast", "light or dark")
+            theme.props["data-theme-switch"] = ""
+            with ui.button(color=None).props("unelevated").classes("estop") as stop:
+                ui.label("E-STOP")
+                ui.label("Esc").classes("key")
+            stop.props["data-stop"] = "emergency_stop"
+            stop.props["aria-label"] = "emergency stop, key Escape"
+            ui.element("div").classes("stop-line").props('role=alert data-stop-line=""')
+            with ui.element("div").classes("part-track"):
+                ui.element("div").classes("part-bar").props["data-part"] = ""
+
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Show state, activity and operator."""
+        self._simulated.show("SIMULATED" if snapshot.simulated else "", "warn")
+        self._state.show(*machine_state(snapshot))
+        activity = snapshot.activity
+        self._activity.show("" if activity is None else activity_words(activity))
+        trajectory = activity is not None and activity.pausable
+        paused = activity is not None and activity.paused
+        self._pause.set_visibility(not paused)
+        self._pause.set_enabled(trajectory)
+        self._resume.set_visibility(paused)
+        self._refresh_operator(snapshot)
+
+    def _refresh_operator(self, snapshot: Snapshot) -> None:
+        operates = self._visitor.operates
+        if operates:
+            self._operator.show(f"you operate ({self._visitor.name})", "good")
+        elif snapshot.operator is None:
+            self._operator.show("nobody operates")
+        else:
+            self._operator.show(f"{snapshot.operator} operates, you watch", "warn")
+        self._take.set_text("Operate" if snapshot.operator is None else "Take over")
+        self._take.set_visibility(not operates)
+        self._give.set_visibility(operates)
+
+    def _go_on(self) -> None:
+        self._visitor.desk.resume(self._visitor.tab, SHOWN.get())
+
+    def _take_lease(self) -> None:
+        self._visitor.desk.operators.take(self._visitor.tab, self._visitor.name, over=True)
+
+    def _give_lease(self) -> None:
+        self._visitor.desk.operators.give_up(self._visitor.tab)
+
+
+def machine_state(snapshot: Snapshot) -> tuple[str, Tone]:
+    """Return the machine's state in a word or two, and how it is meant."""
+    if not snapshot.connected:
+        return "not connected", "bad"
+    if snapshot.emergency_stopped:
+        return "emergency stop", "bad"
+    if any(joint.error for joint in snapshot.drives):
+        return "fault", "bad"
+    if any(joint.hindrance for joint in snapshot.drives):
+        return "cannot be switched on", "bad"
+    states = {joint.state for joint in snapshot.drives}
+    return (states.pop(), "") if len(states) == 1 else ("drives differ", "warn")
+
+
+def activity_words(activity: Activity) -> str:
+    """Return what the machine does, with the part that is done."""
+    if activity.waits_for and not activity.paused:
+        return f"{activity.name} waits for {activity.waits_for}"
+    part = "" if activity.fraction is None else f" {100 * activity.fraction:.0f} %"
+    return f"{activity.name}{part}{', paused' if activity.paused else ''}"
+
+
+_BEHIND_PERCENT: Final = 5.0
+"""Part of the time that an emulated board's clock must have stood to be worth a line."""
+_READY: Final = "Nothing is in the way."
+
+
+class Banner:
+    """The line that says why the machine does not do what it is asked for, and the way out; its place is kept free."""
+
+    def __init__(self, visitor: Visitor) -> None:
+        with (
+            ui.element("div").classes("banner-place"),
+            ui.element("div").classes("banner").props("role=status") as self._line,
+        ):
+            self._text = ui.label()
+            self._reset = plain("Reset", lambda: visitor.ask(ResetFaults()), "restart_alt", moves=True)
+            self._home = plain("Home all", lambda: visitor.ask(HomeAll()), "home", moves=True)
+        self._tone: Tone = ""
+
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Show the most important reason."""
+        text, tone, remedy = obstacle(snapshot)
+        self._text.set_text(text or _READY)
+        self._text.props["title"] = text
+        self._reset.set_visibility(remedy == "reset")
+        self._home.set_visibility(remedy == "home")
+        if tone != self._tone:
+            self._line.classes(add=tone, remove=self._tone)
+            self._tone = tone
+
+
+def obstacle(snapshot: Snapshot) -> tuple[str, Tone, str]:
+    """Return what is in the way, how bad it is, and the remedy: `reset`, `home` or none; empty texts if nothing is."""
+    joints = snapshot.drives
+    if not snapshot.connected:
+        seen = " Positions are the last known." if joints else ""
+        return f"Not connected: {sentence(str(snapshot.why_not))}{seen}", "bad", ""
+    hindered = by_reason((joint.name, joint.hindrance) for joint in joints)
+    if snapshot.emergency_stopped:
+        pressed = STOP_PRESSED in hindered
+        way_out = "pull its button out at the machine, then reset" if pressed else "nothing moves until the reset"
+        return f"Emergency stop: {way_out}.", "bad", "reset"
+    faults = by_reason((joint.name, joint.error) for joint in joints)
+    if faults:
+        text = "; ".join(f"{', '.join(names)}: {fault}" for fault, names in faults.items())
+        return f"Fault: {sentence(text)}", "bad", "reset"
+    if hindered:
+        text = "; ".join(
+            why if len(names) == len(joints) else f"{', '.join(names)}: {why}" for why, names in hindered.items()
+        )
+        return f"The drives cannot be switched on: {sentence(text)}", "bad", ""
+    lost = [joint.name for joint in snapshot.joints if not joint.homed]
+    if lost and snapshot.activity is None:
+        return f"Not homed: {', '.join(lost)}. Until then these joints can only be jogged.", "warn", "home"
+    behind = _behind(snapshot.stood_percent or 0.0)
+    return behind, "warn" if behind else "", ""
+
+
+def _behind(stood_percent: float) -> str:
+    """Return that an emulated board falls behind, or nothing if it does not."""
+    if stood_percent < _BEHIND_PERCENT:
+        return ""
+    return (
+        f"The emulated board falls behind: its clock stood for {stood_percent:.0f} % of the last 5 s, since the"
+        " computer is too slow. The machine moves as planned, but takes longer."
+    )
+
+
+def by_reason(reasons: Iterable[tuple[str, str | None]]) -> dict[str, list[str]]:
+    """Return the names of those that have a reason, by their reasons."""
+    named: dict[str, list[str]] = {}
+    for name, reason in reasons:
+        if reason is not None:
+            named.setdefault(reason, []).append(name)
+    return named
+
+
+def sentence(text: str) -> str:
+    """Return a text with a full stop, unless it ends a sentence already."""
+    return text if text.endswith(("?", ".", "!")) else f"{text}."
+
+
+_SHOWN: Final = 200
+"""Events that a page shows; the desk keeps more."""
+_FILTERS: Final = {"all": "all", "problems": "problems only"}
+
+
+class EventLogView:
+    """The newest events first."""
+
+    def __init__(self, visitor: Visitor) -> None:
+        self._visitor = visitor
+        self._log = visitor.desk.events
+        self._told = max((event.number for event in self._log.since()), default=0)
+        """Number of the last event that this browser need not be told of as a message."""
+        self._faulty = False
+        self._filter = "all"
+        self._shown: list[int] = []
+        """Numbers of the events in the list, the oldest first."""
+        with card(classes="panel-wide place-events"):
+            with line("between"):
+                heading("What has happened")
+                with line("tight"):
+                    choice("events to show", _FILTERS, self._filter, self._choose)
+                    plain("Clear", self._log.clear)
+            self._list = ui.element("div").classes("events").props('role=log aria-label="events" tabindex=0')
+
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Show the events that have come; those that were cleared go."""
+        self._tell(snapshot)
+        self._show(self._wanted())
+
+    def _tell(self, snapshot: Snapshot) -> None:
+        """Show what has failed as a message, too, since the log is at the page's end; a reset takes messages away."""
+        was_faulty, self._faulty = self._faulty, snapshot.emergency_stopped or any(j.error for j in snapshot.drives)
+        if was_faulty and not self._faulty and snapshot.connected:
+            self._visitor.withdraw()
+        for event in self._log.since(self._told):
+            self._told = event.number
+            if event.severity is Severity.ERROR and snapshot.connected:  # the banner says that it is not
+                self._visitor.tell(event.text)
+
+    def _wanted(self) -> list[Event]:
+        events = self._log.since()
+        return [event for event in events if self._filter == "all" or event.severity is not Severity.INFO][-_SHOWN:]
+
+    def _choose(self, name: str) -> None:
+        self._filter = name
+        self._list.clear()
+        self._shown = []
+        self._show(self._wanted())
+
+    def _show(self, events: list[Event]) -> None:
+        numbers = [event.number for event in events]
+        if self._shown and (not numbers or numbers[0] != self._shown[0]):
+            self._list.clear()
+            self._shown = []
+        for event in events[len(self._shown) :]:
+            with self._list:
+                _row(event).move(self._list, target_index=0)
+        self._shown = numbers
+
+
+def _row(event: Event) -> ui.element:
+    with ui.element("div").classes(f"event {event.severity}") as row:
+        ui.label(time.strftime("%H:%M:%S", time.localtime(event.wall_s))).classes("muted number")
+        ui.label(event.severity).classes("kind")
+        ui.label(event.text)
+    return row

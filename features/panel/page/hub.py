@@ -1,0 +1,287 @@
+"""The page of each browser, and the hub of all: one look at the desk a tick, and one message with it for everyone."""
+
+import asyncio
+import json
+import time
+from collections.abc import Callable, Hashable, Iterable
+from typing import Any, Final, TypeVar
+
+import numpy as np
+from nicegui import Client, app, core, ui
+
+from steptwin.features.panel.desk.desk import Desk
+from steptwin.features.panel.desk.state import Snapshot
+from steptwin.features.panel.page.elements import View
+from steptwin.features.panel.page.hardware import HardwareTab
+from steptwin.features.panel.page.header import Banner, EventLogView, PageHead
+from steptwin.features.panel.page.joints import JogTab, Joints, OutputsTab
+from steptwin.features.panel.page.move import MoveTab
+from steptwin.features.panel.page.plots_card import PlotsCard
+from steptwin.features.panel.page.result import ResultTab
+from steptwin.features.panel.page.run import RunTab
+from steptwin.features.panel.page.scene import SceneCard, flat_lines
+from steptwin.features.panel.page.settings import SettingsTab
+from steptwin.features.panel.page.visitor import Answer, Visitor, apply_theme, note_shown, on_stop
+from steptwin.host.client.control_client import ControlClient
+from steptwin.host.common.arrays import FloatArray
+
+V = TypeVar("V", bound=View)
+
+
+_SHOWN_S: Final = 5.0
+"""Time from sending a change to when a browser must show it."""
+
+
+class Page:
+    """The views of one browser."""
+
+    def __init__(self, visitor: Visitor) -> None:
+        """Make an empty page, which `build` fills."""
+        self.visitor = visitor
+        self.views: list[View] = []
+        self._revision = 0
+        """Number of the last change that the views have followed."""
+        self._expect_from_now()
+
+    async def build(self, positions_file: str, control: ControlClient | None) -> None:
+        """Make the views, with a turn for others after each: a page that is opened must not hold up another's beats."""
+        visitor = self.visitor
+        apply_theme()
+        header = await self._add(PageHead(visitor))
+        self._head = header.root
+        self._root = ui.element("div")
+        with header.root:
+            await self._add(Banner(visitor))
+        with self._root, ui.element("div").classes("panel-body"):
+            with ui.element("div").classes("panel-left"):
+                self._scene = await self._add(SceneCard(visitor.desk.robot, visitor.desk.drawing))
+                self._plots = await self._add(PlotsCard(visitor))
+            with ui.element("div").classes("panel-right"):
+                await self._add(Joints(visitor))
+                await self._make_tabs(positions_file, control)
+            await self._add(EventLogView(visitor))
+
+    async def _add(self, view: V) -> V:
+        self.views.append(view)
+        await asyncio.sleep(0)
+        return view
+
+    async def _make_tabs(self, positions_file: str, control: ControlClient | None) -> None:
+        """Make the tabs; all of them are built at once, so that a change shows wherever the operator looks."""
+        visitor, scene = self.visitor, self._scene.scene
+        makers: dict[str, Callable[[], View]] = {
+            "Jog": lambda: JogTab(visitor),
+            "Move": lambda: MoveTab(visitor, scene, positions_file),
+            "Run": lambda: RunTab(visitor, scene),
+            "Outputs": lambda: OutputsTab(visitor),
+            "Settings": lambda: SettingsTab(visitor),
+            "Result": lambda: ResultTab(visitor),
+        }
+        if control is not None:
+            makers["Hardware"] = lambda: HardwareTab(visitor, control)
+        with ui.element("section").classes("panel-card flush place-tabs"):
+            with ui.tabs().props("dense no-caps align=left outside-arrows mobile-arrows") as tabs:
+                for name in makers:
+                    ui.tab(name)
+            with ui.tab_panels(tabs, value="Jog", animated=False).props("keep-alive"):
+                for name, make in makers.items():
+                    with ui.tab_panel(name).classes("stack") as panel:
+                        panel.props["aria-label"] = name
+                        await self._add(make())
+            tabs.on_value_change(lambda event: self._open(event.value))
+
+    def _open(self, name: str) -> None:
+        """Let the Hardware tab follow its machine while it is shown."""
+        for view in self.views:
+            if isinstance(view, HardwareTab):
+                view.open(name == "Hardware")
+
+    @property
+    def run(self) -> RunTab:
+        """The Run tab."""
+        return next(view for view in self.views if isinstance(view, RunTab))
+
+    def arrive(self, before: "Page | None") -> None:
+        """Show the past to a browser that has connected, and let it operate the machine if no other one does.
+
+        `before` is the page that the same tab has just shown; None without one.
+        """
+        if before is not None:
+            self.run.go_on(before.run.shown())
+        self._expect_from_now()  # what was missed is sent now
+        self._scene.arrive()
+        self._plots.fill()
+        operators = self.visitor.desk.operators
+        if operators.holder is None:
+            self.visitor.attempt(lambda: operators.take(self.visitor.tab, self.visitor.name))
+
+    def _expect_from_now(self) -> None:
+        """Expect no change that came before to be shown: `_marked` is due next, since it was noted at `_marked_s`."""
+        self._due, self._marked, self._marked_s = 0, self._revision, time.monotonic()
+
+    def due(self, now_s: float) -> int:
+        """Return the number of the change that the browser must show by now: it was sent some seconds ago.
+
+        Words and numbers come by the same connection, in order: whatever was sent before has come, however slow the
+        browser is.
+        """
+        if now_s - self._marked_s > _SHOWN_S:
+            self._due, self._marked, self._marked_s = self._marked, self._revision, now_s
+        return self._due
+
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Let every view follow what has changed."""
+        self._revision += 1
+        self._root.classes(add="" if snapshot.connected else "unseen", remove="unseen" if snapshot.connected else "")
+        for view in self.views:
+            view.refresh(snapshot)
+        self._head.props(f"data-revision={self._revision}")  # last: a view that could not follow keeps it old
+
+
+def tick_of(snapshot: Snapshot) -> dict[str, Any]:
+    """Return what the panel's script shows of a snapshot: numbers in mm, degrees, percent and ms; None is unknown."""
+    pose, activity = snapshot.pose, snapshot.activity
+    return {
+        "n": snapshot.number,
+        "held": snapshot.emergency_stopped and all(joint.error is not None for joint in snapshot.drives),
+        "t": round(snapshot.time_s, 3),
+        "q": [round(joint.position, 4) for joint in snapshot.drives],
+        "known": [joint.homed for joint in snapshot.drives],
+        "v": [_rounded(joint.rate) for joint in snapshot.drives],
+        "e": [_rounded(joint.following_error) for joint in snapshot.drives],
+        "pose": None if pose is None else [round(figure, 3) for figure in pose.values()],
+        "arm": _drawable(snapshot.links_mm),
+        "tool": None if pose is None else [round(figure, 2) for figure in list(pose.values())[:3]],
+        "load": _rounded(snapshot.bus_load_percent),
+        "fill": None if snapshot.queue_fill is None else round(100 * snapshot.queue_fill),
+        "late": _rounded(snapshot.late_ms),
+        "part": 0 if activity is None or activity.fraction is None else round(activity.fraction, 3),
+    }
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 4)
+
+
+def _drawable(parts: Iterable[FloatArray]) -> list[list[float]] | None:
+    """Return the arm's parts; None where the mechanism cannot be assembled, which has no picture."""
+    drawn = tuple(parts)
+    return flat_lines(drawn) if drawn and all(np.isfinite(part).all() for part in drawn) else None
+
+
+TICK_S: Final = 1 / 30
+_ALIVE_S: Final = 0.1
+"""Time without a tick after which pages are told that the panel goes on."""
+
+
+class Hub:
+    """Makes a page for each browser and keeps all of them up to date."""
+
+    def __init__(self, desk: Desk, positions_file: str, control: ControlClient | None = None) -> None:
+        """Share a desk, the file of saved positions, and the control port of a served board."""
+        self._desk = desk
+        self._positions_file = positions_file
+        self._control = control
+        self._pages: dict[str, Page] = {}
+        self._names: dict[str, str] = {}
+        self._seen: Hashable = None
+        self._number = -1
+        self._sent_s = 0.0
+
+    def start(self) -> None:
+        """Follow the desk from now on; call this before the server runs."""
+        app.timer(TICK_S, self.tick, immediate=False)
+        note_shown()
+        on_stop("emergency_stop", self._emergency_stop)
+        on_stop("stop", self._stop)
+
+    async def build(self) -> None:
+        """Make the page of the browser that asks for it; its tab is the desk's client, which outlives a reload."""
+        client = ui.context.client
+        visitor = Visitor(self._desk, client)
+        page = Page(visitor)
+        await page.build(self._positions_file, self._control)
+        page.refresh(self._desk.snapshot)
+        self._pages[client.id] = page
+
+        def connected() -> None:
+            visitor.tab = client.tab_id or client.id
+            visitor.name = self._names.setdefault(visitor.tab, f"browser {len(self._names) + 1}")
+            page.arrive(next((each for each in self._pages.values() if _is_older(each, page)), None))
+            page.refresh(self._desk.snapshot)
+
+        client.on_connect(connected)
+        client.on_delete(lambda: self._leave(client, visitor))
+
+    def _leave(self, client: Client, visitor: Visitor) -> None:
+        """Let the tab go, unless another page of it is open, as after a reload."""
+        self._pages.pop(client.id, None)
+        if all(page.visitor.tab != visitor.tab for page in self._pages.values()):
+            self._desk.gone(visitor.tab)
+
+    async def tick(self) -> None:
+        """Send the newest snapshot to all browsers, and let their views follow what has changed."""
+        snapshot = self._desk.snapshot
+        now_s = time.monotonic()
+        if snapshot.connected and snapshot.number != self._number:
+            self._number, self._sent_s = snapshot.number, now_s
+            await self._send("tick", json.dumps(tick_of(snapshot)), now_s)
+        elif now_s - self._sent_s > _ALIVE_S:  # so that a page knows a machine that is lost from a panel that is
+            self._sent_s = now_s
+            await self._send("alive", "", now_s)
+        seen = self._changes(snapshot)
+        if seen != self._seen:
+            self._seen = seen
+            for page in list(self._pages.values()):
+                page.refresh(snapshot)
+
+    async def _send(self, name: str, text: str, now_s: float) -> None:
+        for client_id, page in list(self._pages.items()):
+            await core.sio.emit(name, (text, page.due(now_s)), room=client_id)
+
+    def _changes(self, snapshot: Snapshot) -> Hashable:
+        """Return all that views show beside the numbers of a tick; while it stays the same they need not look."""
+        activity, results = snapshot.activity, self._desk.results
+        return (
+            (
+                snapshot.connected,
+                snapshot.why_not,
+                snapshot.simulated,
+                snapshot.emergency_stopped,
+                snapshot.pose is None,
+                round(snapshot.stood_percent or 0.0),
+                None if snapshot.speed_percent is None else round(snapshot.speed_percent),
+            ),
+            tuple((joint.homed, joint.state, joint.error, joint.hindrance) for joint in snapshot.drives),
+            activity
+            and (
+                activity.name,
+                activity.paused,
+                activity.pausable,
+                activity.waits_for,
+                round(100 * (activity.fraction or 0)),
+            ),
+            (tuple(snapshot.inputs.items()), tuple(snapshot.outputs.items())),
+            self._desk.operators.holder,
+            self._desk.events.span,
+            results and results[-1].number,
+            self._desk.settings,
+            self._desk.drawing.version,
+        )
+
+    # --- stops, by any browser
+
+    def _emergency_stop(self, page: str | None, press: str | None) -> Answer:
+        return {"told": self._desk.emergency_stop(self._name(page), press)}
+
+    def _stop(self, page: str | None, press: str | None) -> Answer:
+        return {"told": self._desk.stop(self._name(page), press)}
+
+    def _name(self, page: str | None) -> str:
+        known = self._pages.get(page or "")
+        return known.visitor.name if known else "a browser"
+
+
+def _is_older(other: Page, page: Page) -> bool:
+    """Return whether a page is what the tab of another one has shown before it was loaded again."""
+    return other is not page and other.visitor.tab == page.visitor.tab

@@ -1,0 +1,238 @@
+"""The motions that the Run tab offers, planned and checked as on the command line: jobs, trajectory files, programs.
+
+An uploaded file is planned in a process of its own: it can be ended, and its memory goes with it. The page's process
+stays as it was, whatever is in the file. The process ends when its task is cancelled, when it takes too long or too
+much memory, and with the page's process: its stdin then ends.
+
+`python -m steptwin.features.panel.page.motions` is that process: it reads the arguments of `plan_upload` from stdin and
+writes the plan, or the error, to stdout, both pickled; they come from this program alone.
+"""
+
+import asyncio
+import os
+import pickle
+import re
+import sys
+from asyncio.subprocess import PIPE
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from threading import Thread
+from typing import Final
+
+import numpy as np
+
+from steptwin.features.motors.limits import motor_limits
+from steptwin.features.panel.page.uploads import RUNNABLE, uploaded
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.errors import InputError, StepTwinError
+from steptwin.host.planning.jobs import job_fields, make_job
+from steptwin.host.planning.jobs.options import OptionField
+from steptwin.host.planning.plan import Plan
+from steptwin.host.planning.planner import plan, plan_stretched
+from steptwin.host.planning.programs import SUFFIX, compile_program, read_program
+from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.planning.trajectory_file import doubt, read_file_motion
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics.base import tool_places_mm
+from steptwin.host.robots.robot import Robot
+
+TITLES: Final[dict[str, str]] = {
+    "approach_mm": "length of the approach",
+    "depth_mm": "depth of the grip",
+    "elbow": "elbow's side",
+    "from": "first point",
+    "law": "law of time",
+    "mm_per_rad": "growth of the radius",
+    "pause_s": "pause at each point",
+    "point_s": "time per point",
+    "psi_deg": "tool's angle psi",
+    "pull_s": "time of a pull",
+    "ramp_s": "time to speed up",
+    "repetitions": "cycles in one run",
+    "rise_mm": "rise per turn",
+    "sensors": "shelf's sensors",
+    "to": "second point",
+    "travel_mm": "length of the pull",
+    "x_mm": "centre x",
+    "y_mm": "centre y",
+    "z_law": "law of the rise",
+    "z_mm": "height of the start",
+}
+"""Title of each option by its name."""
+
+
+def option_title(field: OptionField) -> str:
+    """Return the title of an option; without one of its own it is its name without the unit."""
+    if field.name in TITLES:
+        return TITLES[field.name]
+    unit = "" if field.allowed is None else field.allowed.unit
+    return field.name.replace("_", " ").removesuffix(f" {unit}")
+
+
+@contextmanager
+def naming_titles(fields: Iterable[OptionField]) -> Iterator[None]:
+    """Let errors of the block name options by the titles that the form shows."""
+    titles = {field.name: option_title(field) for field in fields if "_" in field.name}
+    try:
+        yield
+    except InputError as error:
+        names = re.compile(rf"\b({'|'.join(titles)})\b")
+        plain = names.sub(lambda found: f'"{titles[found[1]]}"', error.plain) if titles else error.plain
+        raise InputError(*error.messages).plainly(plain) from error
+
+
+ENDINGS: Final = RUNNABLE
+"""Endings of the files that can be run."""
+Files = Mapping[str, bytes]
+"""Contents of uploaded files by their names, the newest last."""
+USUAL_UNITS: Final = "deg,mm"
+UNITS: Final = {
+    USUAL_UNITS: "degrees, mm",
+    "rad": "radians, mm",
+    "m": "degrees, m",
+    "rad,m": "radians, m",
+}
+"""Titles of the units that a trajectory file may have."""
+_PATH_POINTS: Final = 600
+"""Points of a planned path that is shown: as fine as a screen."""
+
+
+def plan_job(robot: Robot, name: str, options: Mapping[str, str], stretch: float | None) -> Plan:
+    """Plan a job with options given as texts; `stretch` as `plan_stretched`. Raises InputError."""
+    with naming_titles(job_fields(robot, name)):
+        return _planned(robot, make_job(robot, name, options), stretch)
+
+
+def plan_upload(
+    robot: Robot,
+    name: str,
+    content: bytes,
+    stretch: float | None,
+    units: str = USUAL_UNITS,
+    beside: Files | None = None,
+) -> tuple[Plan, str | None]:
+    """Plan the motion in an uploaded file; return what is to be asked about its units, too, if it hardly moves.
+
+    Args:
+        robot: the machine.
+        name: the file's name.
+        content: what is in it.
+        stretch: as `plan_stretched`.
+        units: of a trajectory file.
+        beside: other uploaded files, to which a program may refer. Nothing else is read: the file that a program names
+            as its robot is the machine's own if it has that robot's name.
+
+    Raises:
+        InputError: something is wrong in the file, which has its own name in the message.
+    """
+    with uploaded(name, content, beside or {}, robot) as path:
+        if path.endswith(SUFFIX):
+            program = compile_program(read_program(path), robot, drives=motor_limits)
+            with program.explained(stretch or 1.0):
+                return _planned(robot, program.trajectory, stretch), None
+        motion = read_file_motion(path, robot, units=units)
+        with motion.explained(stretch or 1.0):
+            planned = _planned(robot, motion.trajectory, stretch)
+        if units != USUAL_UNITS:
+            return planned, None
+        return planned, _in_titles(doubt(motion, planned, lambda other: read_file_motion(path, robot, units=other)))
+
+
+def _in_titles(doubted: str | None) -> str | None:
+    """Return a question about units that names others as the Run tab does."""
+    for units, title in reversed(UNITS.items()):
+        doubted = doubted and doubted.replace(f"units={units} fits", f"“{title}” fits")
+    return doubted
+
+
+def path_mm(plan: Plan) -> FloatArray:
+    """Return the tool's planned path, shape (n, 3)."""
+    t_s = np.linspace(0.0, plan.trajectory.duration_s, _PATH_POINTS)
+    return tool_places_mm(make_kinematics(plan.robot), plan.trajectory.positions(t_s))
+
+
+def _planned(robot: Robot, trajectory: Trajectory, stretch: float | None) -> Plan:
+    return plan(robot, trajectory) if stretch == 1.0 else plan_stretched(robot, trajectory, stretch)
+
+
+PLANNING_S_MAX: Final = 120.0
+"""Longest time for planning a file: a straight line of the tool that lasts an hour takes some 10 s."""
+MEMORY_BYTES_MAX: Final = 3 << 30
+"""Addresses that the process may use; an hour takes some 150 MiB of memory, and libraries reserve far more."""
+_SIZE_BYTES: Final = 8
+
+Planned = tuple[Plan, str | None]
+"""A plan, and what is to be asked about the units of its file, if that is doubtful."""
+
+
+async def plan_apart(
+    robot: Robot,
+    name: str,
+    content: bytes,
+    stretch: float | None,
+    units: str = USUAL_UNITS,
+    beside: Files | None = None,
+) -> Planned:
+    """Plan an uploaded file as `plan_upload`; raise InputError as it does, or if it takes too long or too much."""
+    request = pickle.dumps((robot, name, content, stretch, units, beside))
+    process = await asyncio.create_subprocess_exec(sys.executable, "-m", __name__, stdin=PIPE, stdout=PIPE)
+    assert process.stdin
+    assert process.stdout
+    try:
+        with suppress(ConnectionError):
+            process.stdin.write(len(request).to_bytes(_SIZE_BYTES, "little") + request)
+            await process.stdin.drain()
+        answer = await asyncio.wait_for(process.stdout.read(), PLANNING_S_MAX)
+    except TimeoutError:
+        raise InputError(f"{name}: planning it takes more than {PLANNING_S_MAX:g} s, so it was ended") from None
+    finally:
+        with suppress(ProcessLookupError):
+            process.kill()
+        await process.wait()
+    if not answer:
+        raise InputError(f"{name}: the process that planned it has ended without an answer")
+    planned: Planned | StepTwinError = pickle.loads(answer)
+    if isinstance(planned, StepTwinError):
+        raise planned
+    return planned
+
+
+def _answer(
+    robot: Robot, name: str, content: bytes, stretch: float | None, units: str, beside: Files | None
+) -> Planned | StepTwinError:
+    try:
+        return plan_upload(robot, name, content, stretch, units, beside)
+    except StepTwinError as error:
+        return error
+    except MemoryError:
+        return InputError(f"{name}: planning it takes more memory than it may")
+
+
+def _limit_memory() -> None:
+    """Limit this process' addresses, where the system can."""
+    with suppress(ImportError):
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES_MAX, MEMORY_BYTES_MAX))
+
+
+def _end_with_parent() -> None:
+    """End this process as soon as its stdin has ended."""
+    while os.read(sys.stdin.fileno(), 1):
+        pass
+    os._exit(1)
+
+
+def main() -> None:
+    """Plan what stdin asks for."""
+    _limit_memory()
+    size = int.from_bytes(sys.stdin.buffer.read(_SIZE_BYTES), "little")
+    request = pickle.loads(sys.stdin.buffer.read(size))
+    Thread(target=_end_with_parent, daemon=True).start()
+    sys.stdout.buffer.write(pickle.dumps(_answer(*request)))
+    sys.stdout.buffer.flush()
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,398 @@
+"""The Run tab: choose a job or upload a file, see what it does, then let the machine do it."""
+
+import asyncio
+from collections.abc import Awaitable, Callable, Coroutine, Mapping
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import Any, Final
+
+from nicegui import events, ui
+from nicegui.elements.mixins.value_element import ValueElement
+
+from steptwin.features.panel.desk.commands import RunMotion
+from steptwin.features.panel.desk.state import Snapshot
+from steptwin.features.panel.desk.words import AS_SLOW_AS_NEEDED, MOVE_TO_START
+from steptwin.features.panel.page.elements import (
+    Chip,
+    Form,
+    FormField,
+    act,
+    choice,
+    icon_button,
+    line,
+    make_input,
+    note,
+    plain,
+    stack,
+    wrong,
+)
+from steptwin.features.panel.page.guard import BODY_BYTES_MAX
+from steptwin.features.panel.page.motions import (
+    ENDINGS,
+    UNITS,
+    USUAL_UNITS,
+    Planned,
+    option_title,
+    path_mm,
+    plan_apart,
+    plan_job,
+)
+from steptwin.features.panel.page.scene import ArmScene, links_at
+from steptwin.features.panel.page.uploads import companions, to_run
+from steptwin.features.panel.page.visitor import SHOWN, Visitor
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.jobs import job_fields, job_names, job_summary
+from steptwin.host.planning.jobs.options import OptionField, OptionRange
+from steptwin.host.planning.peaks import Quantity
+from steptwin.host.planning.plan import Plan
+
+
+class Upload:
+    """A field onto which files are dropped, with the name of the one that is to be run and those that go with it.
+
+    Attributes:
+        files: contents by name, the newest last.
+    """
+
+    def __init__(self, changed: Callable[[], Awaitable[None]], refused: Callable[[str], None]) -> None:
+        """Make it; `changed` is called when other files, or none, are there, `refused` with the reason for none."""
+        self.files: dict[str, bytes] = {}
+        self._changed, self._refused = changed, refused
+        self.root: ui.element = stack("tight")
+        with self.root:
+            self._field = ui.upload(
+                label=f"choose or drop files: {', '.join(ENDINGS)}",
+                multiple=True,
+                auto_upload=True,
+                max_file_size=BODY_BYTES_MAX,
+                max_total_size=BODY_BYTES_MAX,
+                max_files=_FILES_MAX,
+                on_multi_upload=self._take,
+                on_rejected=self._reject,
+            )
+            self._field.props(f"accept={','.join(ENDINGS)} flat bordered").classes("upload")
+            with line() as self._row:
+                self._name = ui.label()
+                icon_button("close", "take the file away", self._take_away)
+        self.show({})
+
+    @property
+    def file(self) -> tuple[str, bytes] | None:
+        """Name and content of the file that is to be run; None without one."""
+        name = to_run(self.files)
+        return None if name is None else (name, self.files[name])
+
+    @property
+    def beside(self) -> dict[str, bytes]:
+        """The other files."""
+        return {name: self.files[name] for name in companions(self.files)}
+
+    def show(self, files: Mapping[str, bytes]) -> None:
+        """Have other files, or none; nobody is told."""
+        self.files = dict(files)
+        self._row.set_visibility(self.file is not None)
+        if self.file is not None:
+            name, content = self.file
+            beside = f", with {', '.join(self.beside)}" if self.beside else ""
+            self._name.set_text(f"Chosen: {name}, {_size_words(len(content))}{beside}")
+
+    async def _take(self, event: events.MultiUploadEventArguments) -> None:
+        """Take files to those that are there, of which only what goes with the file to be run stays."""
+        self._field.reset()  # its own list would grow, with a tick at each file
+        files = self.files
+        for file in event.files:
+            name = PurePath(file.name).name
+            files = {other: content for other, content in files.items() if other != name} | {name: await file.read()}
+        main = to_run(files)
+        kept = {name: files[name] for name in (*companions(files), *([main] if main else []))}
+        if len(kept) > _FILES_MAX or sum(map(len, kept.values())) > BODY_BYTES_MAX:
+            self._reject()
+            return
+        self.show(kept)
+        await self._changed()
+
+    async def _take_away(self) -> None:
+        self.show({})
+        await self._changed()
+
+    def _reject(self) -> None:
+        self._field.reset()
+        self._refused(
+            f"refused: a file ends in none of {', '.join(ENDINGS)}, they have more than {_size_words(BODY_BYTES_MAX)},"
+            f" or they are more than {_FILES_MAX}"
+        )
+
+
+_FILES_MAX: Final = 20
+"""Most files that are there at once."""
+
+
+def _size_words(size_bytes: int) -> str:
+    """Return a size in the unit that fits."""
+    if size_bytes < 1000:
+        return f"{size_bytes} bytes"
+    return f"{size_bytes / 1e3:.3g} kB" if size_bytes < 1_000_000 else f"{size_bytes / 1e6:.3g} MB"
+
+
+_FILE: Final = "a file of yours"
+_PACES: Final = {"1": "as planned", "2": "half speed", "4": "quarter speed", "auto": AS_SLOW_AS_NEEDED}
+_SPEEDS_PERCENT: Final = (10, 25, 50, 75, 100, 125, 150)
+"""Speeds of a motion that runs, in percent of the planned one."""
+_REPETITIONS_MAX: Final = 1000
+
+
+@dataclass(slots=True, eq=False)
+class Preview:
+    """A motion that was looked at, and may be run.
+
+    Attributes:
+        name: its name.
+        plan: its plan.
+        path_mm: the tool's path, shape (n, 3).
+        doubted: what is to be asked about its file's units; None if nothing is.
+        ran: True if it was run: then its path stays until the next preview.
+    """
+
+    name: str
+    plan: Plan
+    path_mm: FloatArray
+    doubted: str | None
+    ran: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shown:
+    """The contents of a Run tab.
+
+    Attributes:
+        fields: motion, speed, repetitions, whether to move to the start first, and a file's units.
+        options: values of the job's options.
+        files: the files of the user's.
+        preview: what may be run; None without one.
+    """
+
+    fields: tuple[Any, ...]
+    options: Mapping[str, Any]
+    files: Mapping[str, bytes]
+    preview: Preview | None
+
+
+class RunTab:
+    """A motion, its options, its preview, and the button that starts it."""
+
+    def __init__(self, visitor: Visitor, scene: ArmScene) -> None:
+        self._visitor, self._scene = visitor, scene
+        self._shown: Preview | None = None
+        self._planning: asyncio.Task[Planned] | None = None
+        visitor.page.on_delete(self._end_planning)
+        jobs = job_names(visitor.desk.robot)
+        self._form: Form | None = None
+        with line("top"):
+            titles = {name: name for name in jobs} | {_FILE: _FILE}
+            self._choice = ui.select(titles, value=jobs[0] if jobs else _FILE, label="motion").props("outlined dense")
+            self._choice.classes("w-motion").on_value_change(self._choose)
+            self._preview = plain("Preview", self._look, "visibility")
+            self._start = act("Run", self._run, "play_arrow", moves=True)
+        self._figures = ui.element("div").classes("stack tight")
+        with line("tight"):
+            ui.label("Speed").classes("muted")
+            self._pace = choice("speed of the run", _PACES, "1", lambda _: self._outdate())
+        with line("tight"):
+            ui.label("On the way").classes("muted")
+            self._speeds = [self._speed_button(percent) for percent in _SPEEDS_PERCENT]
+            self._speed = Chip()
+            self._speed.element.classes("said")
+        self._summary = ui.label().classes("muted")
+        self._options = stack()
+        self._upload = Upload(self._other_file, visitor.tell)
+        with line("tight") as self._of_a_file:
+            ui.label("Its units").classes("muted")
+            self._units = choice("units of a trajectory file", UNITS, USUAL_UNITS, lambda _: self._outdate())
+        with line():
+            repeat = FormField("repeat", "repetitions", 1, OptionRange(1, _REPETITIONS_MAX, ""), whole=True)
+            self._repeat = make_input(repeat).classes("w-narrow")
+            self._approach = ui.switch(f"{MOVE_TO_START}, straight in the joints", value=True)
+        self._choose()
+
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Let a motion be run while the machine does nothing, and its speed be changed while it runs."""
+        self._start.set_enabled(self._shown is not None and snapshot.activity is None)
+        on_the_way = snapshot.activity is not None and snapshot.activity.pausable
+        for button in self._speeds:
+            button.set_enabled(on_the_way)
+        self._speed.show(speed_words(snapshot.speed_percent) if on_the_way else "")
+
+    def _speed_button(self, percent: int) -> ui.button:
+        """Return the button that lets the motion which runs have a speed, in percent of the planned one."""
+
+        def change() -> None:
+            visitor = self._visitor
+            visitor.attempt(lambda: visitor.desk.change_speed(visitor.tab, percent, SHOWN.get()))
+
+        return plain(f"{percent} %", change, label=f"{percent} % of the planned speed", moves=True)
+
+    def shown(self) -> "Shown":
+        """Return what the tab shows now, for the same tab when it is loaded again."""
+        fields = tuple(each.value for each in self._fields())
+        options = self._form.values() if self._form else {}
+        return Shown(fields, options, self._upload.files, self._shown)
+
+    def go_on(self, shown: "Shown") -> None:
+        """Show what the tab has shown before it was loaded again."""
+        self._upload.show(shown.files)
+        for field, value in zip(self._fields(), shown.fields, strict=True):
+            field.set_value(value)
+        if self._form:
+            self._form.fill(shown.options)
+        if shown.preview is not None:
+            self._show(shown.preview)
+
+    def _fields(self) -> tuple[ValueElement[Any], ...]:
+        """Return what keeps its value when the tab is loaded again, beside a job's options."""
+        return self._choice, self._pace, self._repeat, self._approach, self._units
+
+    def _choose(self) -> None:
+        """Show the options of the chosen job, or the place for a file."""
+        name = str(self._choice.value)
+        self._options.clear()
+        self._outdate()
+        self._upload.root.set_visibility(name == _FILE)
+        self._of_a_file.set_visibility(name == _FILE)
+        with self._options:
+            if name == _FILE:
+                self._form = None
+                self._summary.set_text(
+                    "A trajectory in CSV, JSON or YAML, G-code, or a program in TOML, with its files."
+                )
+            else:
+                robot = self._visitor.desk.robot
+                self._summary.set_text(job_summary(robot, name))
+                self._form = Form(map(_form_field, job_fields(robot, name)), self._outdate)
+
+    async def _other_file(self) -> None:
+        self._outdate()
+        if self._upload.file is not None:
+            await self._look()
+
+    def _outdate(self) -> None:
+        """Forget the preview, since something has changed: only what was seen can be run."""
+        self._end_planning()
+        if self._shown is not None and not self._shown.ran:
+            self._show_path(None)
+        self._shown = None
+        self._figures.clear()
+        self._start.set_enabled(False)
+
+    async def _look(self) -> None:
+        """Plan the motion and show its path and figures."""
+        name, make = self._maker()
+        if make is None:
+            return
+        self._outdate()
+        self._preview.set_enabled(False)
+        try:
+            with self._visitor.explained(message=False) as failed:
+                plan, doubted = await self._planned(make)
+                path = await asyncio.to_thread(path_mm, plan)
+                self._show(Preview(name, plan, path, doubted))
+                self._show_path(path)
+                self._scene.show_arm("ghost", links_at(plan.robot, plan.start_joints))
+        finally:
+            self._preview.set_enabled(True)
+        if failed:
+            self._show_path(None)
+            with self._figures:
+                note(failed[0], "bad")
+
+    async def _planned(self, make: Callable[[], Coroutine[Any, Any, Planned]]) -> Planned:
+        """Return the plan, unless something is changed or the page is closed meanwhile, which ends the planning."""
+        self._planning = asyncio.create_task(make())
+        return await self._planning
+
+    def _end_planning(self) -> None:
+        """End the planning, if one is under way."""
+        if self._planning is not None:
+            self._planning.cancel()
+
+    def _show(self, preview: Preview) -> None:
+        """Show a plan, which may be run from now on."""
+        self._shown = preview
+        with self._figures:
+            show_figures(preview.plan)
+            if preview.doubted:
+                note(f"Look again: {preview.doubted}", "warn")
+        self.refresh(self._visitor.desk.snapshot)
+
+    def _show_path(self, path: FloatArray | None) -> None:
+        """Show a path, or none: the operator's in every browser, one that a watcher looks at in its own alone."""
+        drawing = self._visitor.desk.drawing
+        if not self._visitor.operates:
+            self._scene.show_line("plan", drawing.path_mm if path is None else path)
+        elif path is None:
+            drawing.clear_path()
+        else:
+            drawing.show_path(path)
+
+    def _maker(self) -> tuple[str, Callable[[], Coroutine[Any, Any, Planned]] | None]:
+        """Return the name of what is chosen, and the function that plans it.
+
+        If something is missing or wrong there is no function, but a message.
+        """
+        robot, name = self._visitor.desk.robot, str(self._choice.value)
+        stretch = None if self._pace.value == "auto" else float(self._pace.value)
+        upload, form = self._upload.file, self._form
+        if form is None:
+            if upload is None:
+                self._visitor.tell("choose a file first")
+                return name, None
+            units = str(self._units.value)
+            beside = self._upload.beside
+            return upload[0], lambda: plan_apart(robot, *upload, stretch, units, beside)
+        missing = form.wrong()
+        if missing is not None:
+            self._visitor.tell(missing)
+            return name, None
+        texts = {option: _text(value) for option, value in form.values().items()}
+        return name, lambda: asyncio.to_thread(lambda: (plan_job(robot, name, texts, stretch), None))
+
+    def _run(self) -> None:
+        missing, shown = wrong([self._repeat]), self._shown
+        if shown is None or missing is not None:
+            self._visitor.tell(missing or "look at the preview first")
+            return
+        repeat, approach = int(self._repeat.value), bool(self._approach.value)
+        if self._visitor.ask(RunMotion(shown.plan, shown.name, repeat, approach)):
+            shown.ran = True
+            self._show_path(shown.path_mm)
+            self._visitor.desk.drawing.clear_trace()
+            self._scene.clear_shape("ghost")
+
+
+def _form_field(option: OptionField) -> FormField:
+    title = option_title(option)
+    if option.form:
+        return FormField(option.name, f"{title} ({option.form})", option.default)
+    default = option.default if option.allowed is None else round(float(option.default), 6)
+    return FormField(option.name, title, default, option.allowed, option.whole, option.choices)
+
+
+def _text(value: Any) -> str:
+    return f"{value:.12g}" if isinstance(value, int | float) else str(value)
+
+
+def speed_words(percent: float | None) -> str:
+    """Return the present speed of a motion in words."""
+    if percent is None:
+        return ""
+    return f"runs at {percent:.0f} %" if percent else "rests"
+
+
+def show_figures(plan: Plan) -> None:
+    """Show how long a plan takes and how near it comes to the limits."""
+    speed, acceleration = plan.highest(Quantity.SPEED), plan.highest(Quantity.ACCELERATION)
+    note(
+        f"{plan.trajectory.duration_s:.2f} s; highest speed {speed.percent:.0f} % of the limit ({speed.joint}), "
+        f"highest acceleration {acceleration.percent:.0f} % ({acceleration.joint}). "
+        "It keeps all limits: run it when the blue path is what you want.",
+        "good",
+    )

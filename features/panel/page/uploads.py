@@ -1,0 +1,160 @@
+"""Uploaded files: which of them is to be run, and those to which a program refers.
+
+A browser tells a file's name without its folder, so a reference finds the uploaded file by its last part. Nothing else
+on this computer is read for a program that came from a browser.
+"""
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+from steptwin.features.gcode.cut_runs import SUFFIXES as GCODE_SUFFIXES
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.programs import SUFFIX
+from steptwin.host.planning.trajectory_file import SUFFIXES
+from steptwin.host.robots.robot import Robot
+
+RUNNABLE: Final = (*SUFFIXES, SUFFIX, *GCODE_SUFFIXES)
+_KEYS: Final = ("gcode", "positions_file")
+"""Keys of a program, besides `robot`, that name a file."""
+_GCODE: Final = """\
+[[step]]
+gcode = {}
+"""
+"""The program that runs a file of G-code as it is."""
+
+
+def to_run(files: Mapping[str, bytes]) -> str | None:
+    """Return the name of the file that is to be run: the newest of those to which no program refers; None without."""
+    programs = {name: document for name in files if (document := _program(name, files[name])) is not None}
+    named = {_plain(reference) for document in programs.values() for reference in _references(document)}
+    runnable = [name for name in files if name not in named and (name in programs or not name.endswith(SUFFIX))]
+    return next(reversed(runnable or list(files)), None)
+
+
+def companions(files: Mapping[str, bytes]) -> list[str]:
+    """Return the names of the files that go with the one that is to be run: robots, positions, and what it names."""
+    main = to_run(files)
+    if main is None:
+        return []
+    named = {_plain(reference) for reference in _references(_program(main, files[main]) or {})}
+    others = (name for name in files if name != main)
+    return [name for name in others if name in named or (name.endswith(SUFFIX) and _program(name, files[name]) is None)]
+
+
+@contextmanager
+def uploaded(name: str, content: bytes, beside: Mapping[str, bytes], robot: Robot) -> Iterator[str]:
+    """Write a file, and those to which it refers, for the block; errors name them as their user knows them."""
+    plain = Path(name).name
+    ending = Path(plain).suffix.lower()
+    if ending not in RUNNABLE:
+        raise InputError(f"{plain}: a file to run ends in {', '.join(RUNNABLE)}")
+    files: dict[str, bytes] = {}
+    if ending in GCODE_SUFFIXES:
+        files[plain], content, ending = content, _GCODE.format(_quoted(plain)).encode(), SUFFIX
+    elif ending == SUFFIX:
+        files = _referred(plain, content, beside, robot)
+    with TemporaryDirectory(prefix="steptwin-") as folder:
+        deep = max((reference.count("../") for reference in files), default=0)
+        own = Path(folder, *["upload"] * deep)
+        own.mkdir(parents=True, exist_ok=True)
+        for reference, data in files.items():
+            _write(own / reference, data, f"{plain}: {reference}: is no name of a file")
+        path = own / f"{_free('upload', files)}{ending}"
+        path.write_bytes(content)
+        try:
+            yield str(path)
+        except InputError as error:
+            messages = (_as_known(message, path, plain) for message in error.messages)
+            raise InputError(*messages).plainly(_as_known(error.plain, path, plain)) from error
+
+
+def _write(path: Path, data: bytes, wrong: str) -> None:
+    """Write a file; raise InputError if no file can have this name."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+    except (OSError, ValueError) as error:
+        raise InputError(wrong) from error
+
+
+def _as_known(text: str, path: Path, plain: str) -> str:
+    return text.replace(str(path), plain).replace(f"{path.parent}/", "")
+
+
+def _free(stem: str, files: Mapping[str, bytes]) -> str:
+    """Return a name that no file has."""
+    while any(PurePosixPath(name).stem == stem for name in files):
+        stem += "_"
+    return stem
+
+
+def _referred(plain: str, content: bytes, beside: Mapping[str, bytes], robot: Robot) -> dict[str, bytes]:
+    """Return the contents of the files that a program names, by these names; raise InputError if one is missing."""
+    known = {_plain(name): data for name, data in beside.items()}
+    found: dict[str, bytes] = {}
+    for key, reference in _references_by_key(_program(plain, content) or {}):
+        last = _plain(reference)
+        if PurePosixPath(reference).is_absolute():
+            raise InputError(
+                f"{plain}: {key}: {reference}: is a place on a computer; name it {last}, and upload it, too"
+            )
+        if last in known:
+            found[reference] = known[last]
+        elif key == "robot" and Path(last).stem == robot.name and robot.toml:
+            found[reference] = robot.toml.encode()
+        elif key == "robot":
+            raise InputError(
+                f"{plain}: robot: {reference}: is not uploaded, and the machine is {robot.name}: choose both files"
+                f" at once, or leave the line out"
+            )
+        else:
+            raise InputError(f"{plain}: {key}: {reference}: is not uploaded: choose both files at once")
+    return found
+
+
+def _program(name: str, content: bytes) -> dict[str, Any] | None:
+    """Return the document of a program; None for another file. What is no TOML is a program with a mistake."""
+    if Path(name).suffix.lower() != SUFFIX:
+        return None
+    try:
+        document = tomllib.loads(content.decode("utf-8-sig"))
+    except (ValueError, RecursionError):
+        return {}
+    return document if "step" in document or not ({"joints", "joint", "positions"} & document.keys()) else None
+
+
+def _references(document: Mapping[str, Any]) -> list[str]:
+    return [reference for _, reference in _references_by_key(document)]
+
+
+def _references_by_key(document: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return the files that a program names, each with its key."""
+    robot = document.get("robot")
+    named = [("robot", robot)] if isinstance(robot, str) and robot.endswith(SUFFIX) else []
+    return [*named, *_named(document)]
+
+
+def _named(value: Any) -> Iterator[tuple[str, str]]:
+    """Yield the files that a part of a program names, however deep they are in it."""
+    waiting = [value]
+    while waiting:
+        now = waiting.pop()
+        if isinstance(now, Mapping):
+            yield from ((key, now[key]) for key in _KEYS if isinstance(now.get(key), str) and now[key])
+            waiting.extend(now.values())
+        elif isinstance(now, list):
+            waiting.extend(now)
+
+
+def _plain(name: str) -> str:
+    return PurePosixPath(name).name
+
+
+def _quoted(text: str) -> str:
+    """Return a text as a basic string of TOML."""
+    escaped = "".join(each if each.isprintable() and each not in '"\\' else f"\\U{ord(each):08X}" for each in text)
+    return f'"{escaped}"'

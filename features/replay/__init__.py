@@ -1,0 +1,17 @@
+"""Replay a recorded bus: play the hosts' frames into emulated boards and compare what the boards do."""
+
+from typing import Final
+
+from steptwin.host.common.features import COMMAND_GROUPS, CommandRow, Feature
+
+FEATURE: Final = Feature(
+    name="replay",
+    commands=(
+        CommandRow(
+            "replay",
+            COMMAND_GROUPS[3],
+            "Play the hosts' frames of a recorded bus into the board again, in virtual time, and compare what it does.",
+            "steptwin.features.replay.command",
+        ),
+    ),
+)

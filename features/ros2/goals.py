@@ -1,0 +1,267 @@
+"""The goals of a FollowJointTrajectory action: their states, their checks before anything moves, and their plans.
+
+Between points with velocities the motion is a cubic, without them a C2 spline through all points, as of files.
+
+Source of the states and of what leads from one to another: "Actions" in the design articles of ROS 2 (goal states), and
+action_msgs/msg/GoalStatus for the numbers.
+"""
+
+from dataclasses import dataclass, replace
+from enum import Enum, IntEnum
+from math import inf
+from typing import Final
+
+import numpy as np
+
+from steptwin.features.ros2.messages import PER_ROS_UNIT, FollowCode
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.tables import Table, number_at
+from steptwin.host.operate.running import END_ERROR_STEPS_MAX
+from steptwin.host.planning.plan import Plan
+from steptwin.host.planning.planner import plan
+from steptwin.host.planning.trajectory_file.file_motion import FileMotion
+from steptwin.host.planning.trajectory_file.points import FileUnits, Points
+from steptwin.host.planning.trajectory_file.ros_points import read_message
+from steptwin.host.robots.joint import Unit
+from steptwin.host.robots.robot import Robot
+from steptwin.protocol.od import UNITS_PER_FULL_STEP
+
+START_TOLERANCES: Final = {Unit.DEG: 0.01 * PER_ROS_UNIT[Unit.DEG], Unit.MM: 1.0}
+"""Farthest that a trajectory may start from where the machine stands: MoveIt's 0.01 rad, and 1 mm."""
+_KEYS: Final = (
+    *("trajectory", "multi_dof_trajectory", "path_tolerance", "component_path_tolerance"),
+    *("goal_tolerance", "component_goal_tolerance", "goal_time_tolerance"),
+)
+_TOLERANCE_KEYS: Final = ("name", "position", "velocity", "acceleration")
+_STAMP_KEYS: Final = ("sec", "nanosec")
+
+
+class GoalState(IntEnum):
+    """State of a goal, with its number in action_msgs/msg/GoalStatus."""
+
+    ACCEPTED = 1
+    EXECUTING = 2
+    CANCELING = 3
+    SUCCEEDED = 4
+    CANCELED = 5
+    ABORTED = 6
+
+    @property
+    def ended(self) -> bool:
+        """True if nothing follows."""
+        return self >= GoalState.SUCCEEDED
+
+
+class GoalEvent(Enum):
+    """What happens to a goal."""
+
+    BEGUN = "the axes have set off"
+    CANCEL = "a client asks to cancel it"
+    REACHED = "the axes stand at its end"
+    STOPPED = "the axes rest, since it was canceled"
+    FAILED = "it was refused, or has failed"
+
+
+TRANSITIONS: Final = {
+    (GoalState.ACCEPTED, GoalEvent.BEGUN): GoalState.EXECUTING,
+    (GoalState.ACCEPTED, GoalEvent.CANCEL): GoalState.CANCELING,
+    (GoalState.ACCEPTED, GoalEvent.FAILED): GoalState.ABORTED,
+    (GoalState.EXECUTING, GoalEvent.CANCEL): GoalState.CANCELING,
+    (GoalState.EXECUTING, GoalEvent.REACHED): GoalState.SUCCEEDED,
+    (GoalState.EXECUTING, GoalEvent.FAILED): GoalState.ABORTED,
+    (GoalState.CANCELING, GoalEvent.CANCEL): GoalState.CANCELING,
+    (GoalState.CANCELING, GoalEvent.STOPPED): GoalState.CANCELED,
+    (GoalState.CANCELING, GoalEvent.FAILED): GoalState.ABORTED,
+}
+"""The state that follows on an event; what is not here does not happen."""
+
+
+class ActiveGoal:
+    """A goal from its arrival to its result."""
+
+    def __init__(self, goal_id: str, args: object) -> None:
+        self.goal_id = goal_id
+        self.args = args
+        self.state: GoalState = GoalState.ACCEPTED
+
+    def take(self, event: GoalEvent) -> None:
+        """Go on to the state that follows on an event; raise ValueError if the event cannot happen now."""
+        after = TRANSITIONS.get((self.state, event))
+        if after is None:
+            raise ValueError(f"{self.goal_id}: {event.name} does not happen to a goal that is {self.state.name}")
+        self.state = after
+
+
+class RefusedGoalError(InputError):
+    """A goal was refused before anything moved; `code` is that of the action's result."""
+
+    def __init__(self, message: str, code: FollowCode = FollowCode.INVALID_GOAL) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FollowGoal:
+    """A goal that may be executed from where the machine stood.
+
+    Attributes:
+        plan: the motion.
+        end_tolerances: shape (joints,), how far each joint may stand from the end, in mm and degrees; inf: anywhere.
+        late_max_s: longest time after the trajectory's own end; None: any.
+    """
+
+    plan: Plan
+    end_tolerances: FloatArray
+    late_max_s: float | None
+
+    def missed(self, joints: list[float]) -> str | None:
+        """Return which joint stands farthest beyond its tolerance, in one line; None if none does."""
+        robot, end = self.plan.robot, self.plan.trajectory.positions(np.array([self.plan.trajectory.duration_s]))[0]
+        away = np.abs(np.array(joints) - end)
+        beyond = away - self.end_tolerances
+        worst = int(np.argmax(beyond))
+        if beyond[worst] <= 0.0:
+            return None
+        joint = robot.joints[worst]
+        return (
+            f"{joint.name}: stands {away[worst]:.4f} {joint.unit} from the end"
+            f" (limit: {self.end_tolerances[worst]:.4f} {joint.unit})"
+        )
+
+
+def follow_goal(robot: Robot, args: object, standing: list[float]) -> FollowGoal:
+    """Check the arguments of a goal, in rad and m, for a machine that stands at joints in mm and degrees.
+
+    A first point at 0 s that is within START_TOLERANCES of the machine is moved to where it stands; without a point at
+    0 s the motion begins where the machine stands.
+
+    Raises:
+        RefusedGoalError: the joints are not the robot's, times do not rise, a value is missing or beyond a limit, the
+            start is elsewhere, or a tolerance cannot be kept; the message names joint, value and limit.
+    """
+    try:
+        goal = Table(args, "JSON object")
+        goal.check_keys(_KEYS)
+        _check_stamp(goal)
+        points = read_message(goal.values)
+        _check_names(robot, points)
+        least = step_tolerances(robot)
+        _check_path_tolerances(robot, goal, least)
+        end_tolerances = _end_tolerances(robot, goal, least)
+        begun = _begun_where_it_stands(robot, points.in_units(FileUnits.named("rad,m"), robot), standing)
+        joint_points = begun.joint_points(robot)
+        joint_points.check_within(robot)
+        motion = FileMotion.of(robot, joint_points, None, 0.0).trajectory
+        late_max_s = _seconds(goal.values.get("goal_time_tolerance"), "goal_time_tolerance")
+        return FollowGoal(plan(robot, motion), end_tolerances, late_max_s or None)
+    except RefusedGoalError:
+        raise
+    except InputError as error:
+        raise RefusedGoalError(str(error)) from error
+
+
+def step_tolerances(robot: Robot) -> FloatArray:
+    """Return how far each joint may be from its plan, by the firmware's step rule: shape (joints,), mm and degrees."""
+    per_axis = np.array([1.0 / joint.transmission.microsteps for joint in robot.axes])
+    units = np.diag(END_ERROR_STEPS_MAX * UNITS_PER_FULL_STEP * per_axis)
+    rounding = 1.0 + 1e-6
+    return np.asarray(np.abs(robot.to_positions(units)).sum(axis=0) * rounding)
+
+
+def _check_names(robot: Robot, points: Points) -> None:
+    if sorted(points.names) != sorted(robot.joint_names):
+        given, own = " ".join(points.names) or "none", " ".join(robot.joint_names)
+        raise RefusedGoalError(f"joint_names: {given}: {robot.name} has {own}, each once", FollowCode.INVALID_JOINTS)
+
+
+def _check_stamp(goal: Table) -> None:
+    """Refuse a start at a time of ROS' clock, which is not known here; MoveIt asks for none."""
+    trajectory = goal.values.get("trajectory")
+    header = trajectory.get("header") if isinstance(trajectory, dict) else None
+    stamp = header.get("stamp") if isinstance(header, dict) else None
+    if _seconds(stamp, "header.stamp"):
+        raise RefusedGoalError(
+            "header.stamp: a start at a time of ROS' clock, which the bridge does not have; 0 starts at once",
+            FollowCode.OLD_HEADER_TIMESTAMP,
+        )
+
+
+def _seconds(time: object, place: str) -> float:
+    """Return a time or duration of ROS; 0 without one."""
+    if time is None:
+        return 0.0
+    with prefixed(f"{place}: "):
+        parts = Table(time, "JSON object")
+        parts.check_keys(_STAMP_KEYS)
+        sec, nanosec = (number_at(key, parts.values.get(key, 0)) for key in _STAMP_KEYS)
+    return sec + nanosec / 1e9
+
+
+def _begun_where_it_stands(robot: Robot, points: Points, standing: list[float]) -> Points:
+    """Return the points from where the machine stands on."""
+    if not len(points.times_s):
+        raise RefusedGoalError("points: there are none; to stop a motion, cancel its goal")
+    at = dict(zip(robot.joint_names, standing, strict=True))
+    if points.times_s[0] != 0.0:
+        return points.begun_at(at)
+    start = np.array([at[name] for name in points.names])
+    _check_start(robot, points, start)
+    return replace(points, positions=np.vstack([start, points.positions[1:]]))
+
+
+def _check_start(robot: Robot, points: Points, standing: FloatArray) -> None:
+    for name, first, stands in zip(points.names, points.positions[0].tolist(), standing.tolist(), strict=True):
+        unit = robot.joint(name).unit
+        limit = START_TOLERANCES[unit]
+        if abs(first - stands) > limit:
+            raise RefusedGoalError(
+                f"{name}: the trajectory starts at {first:.4f} {unit}, the machine stands at {stands:.4f} {unit}"
+                f" (limit: {limit:.4g} {unit}); a first point after 0 s moves it there"
+            )
+
+
+# --- tolerances
+
+
+def _tolerances(robot: Robot, goal: Table, key: str) -> dict[str, dict[str, float]]:
+    """Return the tolerances of joints by their names, in mm and degrees, without those that are 0, the default."""
+    if goal.values.get(f"component_{key}"):
+        raise RefusedGoalError(f"component_{key}: is for joints with several degrees of freedom; leave it out")
+    found: dict[str, dict[str, float]] = {}
+    for i, value in enumerate(goal.elements(key) if goal.values.get(key) else [], start=1):
+        place = f"{key} {i}"
+        with prefixed(f"{place}: "):
+            entry = Table(value, "JSON object")
+            entry.check_keys(_TOLERANCE_KEYS)
+            values = {each: number_at(each, entry.values.get(each, 0.0)) for each in _TOLERANCE_KEYS[1:]}
+        name = entry.values.get("name")
+        if name not in robot.joint_names:
+            raise RefusedGoalError(f"{place}: {name} is no joint of {robot.name}", FollowCode.INVALID_JOINTS)
+        per_unit = PER_ROS_UNIT[robot.joint(str(name)).unit]
+        found[str(name)] = {each: per_unit * number for each, number in values.items() if number}
+    return found
+
+
+def _check_path_tolerances(robot: Robot, goal: Table, least: FloatArray) -> None:
+    """Refuse tolerances on the way that the board does not hold by itself, since nobody could watch them in time."""
+    for name, values in _tolerances(robot, goal, "path_tolerance").items():
+        joint, limit = robot.joint(name), float(least[robot.index_of(name)])
+        if 0.0 < values.get("position", inf) < limit:
+            raise RefusedGoalError(
+                f"path_tolerance, {name}: {values['position']:.4g} {joint.unit} is less than 9/16 step, {limit:.4g}"
+                f" {joint.unit}, which a stepper cannot keep"
+            )
+        for each in ("velocity", "acceleration"):
+            if values.get(each, 0.0) > 0.0:
+                raise RefusedGoalError(f"path_tolerance, {name}: {each} is not watched; leave it 0")
+
+
+def _end_tolerances(robot: Robot, goal: Table, least: FloatArray) -> FloatArray:
+    """Return how far joints may stand from the end; the machine rests there, whatever velocities are allowed."""
+    tolerances = least.copy()
+    for name, values in _tolerances(robot, goal, "goal_tolerance").items():
+        if position := values.get("position"):
+            tolerances[robot.index_of(name)] = position if position > 0.0 else inf
+    return tolerances

@@ -1,0 +1,17 @@
+"""Shadow a running machine: a twin hears the hosts' frames and tells where the real board does otherwise."""
+
+from typing import Final
+
+from steptwin.host.common.features import COMMAND_GROUPS, CommandRow, Feature
+
+FEATURE: Final = Feature(
+    name="shadow",
+    commands=(
+        CommandRow(
+            "shadow",
+            COMMAND_GROUPS[2],
+            "Let a twin hear what the hosts tell a running machine, and say where the real board does otherwise.",
+            "steptwin.features.shadow.command",
+        ),
+    ),
+)

@@ -1,0 +1,126 @@
+"""`steptwin verify --capture` and `steptwin capture`, as a user types them."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from steptwin.host.cli.app import run
+from steptwin.host.record.folder import read_run
+from tests.features.captures.analyser import probes_of, seen_by, write_session
+
+MAPS = ["--map", "th1=D0,D1", "--map", "th2=D2,D3", "--map", "d3=D4,D5", "--map", "th4=D6,D7"]
+
+
+SR = ["--capture", "SR", "--robot", "teaching-scara"]
+
+
+@pytest.fixture(scope="module")
+def carry(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a run and a capture of it."""
+    folder = tmp_path_factory.mktemp("captured")
+    assert run(["run", "teaching-scara", "carry", "--out", str(folder / "carry")]) == 0
+    evidence = read_run(folder / "carry").comparison.evidence
+    write_session(folder / "a.sr", seen_by(probes_of(evidence), 50.0, 0.01), 8e6)
+    return folder
+
+
+def told(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
+    capsys.readouterr()
+    code = run([*words])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+@pytest.mark.slow
+def test_a_capture_is_verified_and_its_folder_again(carry: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = carry / "seen"
+    words = ["verify", "--capture", str(carry / "a.sr"), *MAPS, "--plan", str(carry / "carry"), "--out", str(out)]
+    code, said, _ = told(capsys, *words)
+    assert code == 0
+    assert "teaching-scara capture of carry: PASSED" in said
+    assert "the analyser's clock +50.1" in said
+    assert {path.name for path in out.iterdir()} >= {
+        "report.json",
+        "edges.npz",
+        "trajectory.csv",
+        "trace.vcd",
+    }
+    code, said, _ = told(capsys, "verify", str(out), "--json")
+    document = json.loads(said)
+    assert (code, document["passed"], document["simulated"]) == (0, True, False)
+    code, said, _ = told(capsys, "verify", "--capture", str(out / "trace.vcd"), "--plan", str(out))
+    assert (code, "PASSED" in said) == (0, True)
+
+
+def test_a_folder_of_a_capture_that_failed_fails_again_for_the_same_reasons(
+    carry: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, maps = carry / "inverted", [*MAPS[:3], "th2=D2,!D3", *MAPS[4:]]
+    words = ["verify", "--capture", str(carry / "a.sr"), *maps, "--plan", "teaching-scara carry", "--out", str(out)]
+    code, said, _ = told(capsys, *words, "--json")
+    first = json.loads(said)
+    assert (code, first["reasons"][0]) == (1, "th2 turns the other way: map its DIR as D3")
+    code, said, _ = told(capsys, "verify", str(out), "--json")
+    assert (code, json.loads(said)["reasons"]) == (1, first["reasons"])
+
+
+@pytest.mark.slow
+def test_without_a_plan_and_by_every_driver(carry: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, said, _ = told(
+        capsys, "verify", "--capture", str(carry / "a.sr"), *MAPS, "--robot", "teaching-scara", "--json"
+    )
+    assert (code, json.loads(said)["axes"][1]["steps"]) == (0, 3064)
+    words = [*MAPS, "--plan", "teaching-scara carry", "--driver-profile", "all"]
+    code, said, _ = told(capsys, "verify", "--capture", str(carry / "a.sr"), *words)
+    assert code == 0
+    assert "with slow-blue-board: misses 5128 pulses, from 0.0" in said
+    assert "with tmc2209: misses none" in said
+
+
+def test_what_a_capture_holds(carry: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, said, _ = told(capsys, "capture", str(carry / "a.sr"))
+    assert code == 0
+    assert said.startswith(f"{carry / 'a.sr'}: sigrok session, ")
+    assert " at 8e+06 Hz" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        ([], "DIR is missing: the folder of a run, or --capture FILE"),
+        (["DIR", "--glitch", "1us"], "--glitch: is for --capture FILE"),
+        (["DIR", "--capture", "a.sr"], "DIR DIR and --capture a.sr: give only one of them"),
+        (
+            ["--capture", "SR"],
+            "--plan DIR or --plan 'ROBOT JOB' is missing, or --robot ROBOT without a plan",
+        ),
+        (["--capture", "SR", "--plan", "carry"], "--plan carry: is neither a folder nor 'ROBOT JOB' nor 'ROBOT FILE'"),
+        (
+            [*SR],
+            "SR: no channel is called th1_step: --map th1=STEP,DIR names",
+        ),
+        (
+            [*SR, "--glitch", "1"],
+            "--glitch 1: is no time with a unit, such as 1us",
+        ),
+        (
+            [*SR, "--tolerance-steps", "0"],
+            "--tolerance-steps 0: is not above 0",
+        ),
+        (
+            [*SR, "--clock-ppm", "none"],
+            "--clock-ppm: 'none' is not a number",
+        ),
+        ([*SR, "--out", "x"], "--out: needs --plan, beside which"),
+        (
+            [*SR, "--rate", "1MHz"],
+            "SR: tells its sampling rate, 8e+06 Hz: leave",
+        ),
+    ],
+)
+def test_bad_input_is_one_line(carry: Path, words: list[str], why: str, capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, err = told(capsys, "verify", *(word.replace("SR", str(carry / "a.sr")) for word in words))
+    assert code == 2
+    assert why.removeprefix("SR: ") in err
+    assert err.count("\n") == 1

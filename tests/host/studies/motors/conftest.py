@@ -1,5 +1,0 @@
-"""The short run of the tests of motors after a run, for the studies of motors."""
-
-from tests.host.twin.motors.conftest import comparison, ran
-
-__all__ = ["comparison", "ran"]
