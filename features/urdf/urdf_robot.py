@@ -6,8 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.features.arms.chain_geometry import JOINTS_MAX, TASKS, ArmAxes, axes_of
-from steptwin.features.arms.serial_arm import SerialArm
+from steptwin.features.arms.six_axis_arm import SixAxisArm
 from steptwin.features.arms.spherical_wrist import MISS_MAX_MM, TILT_MAX, wrist_miss_mm
 from steptwin.features.urdf.urdf_chain import ChainMove, UrdfChain, chain_of
 from steptwin.features.urdf.urdf_tree import read_urdf
@@ -19,6 +18,7 @@ from steptwin.host.common.own_files import read_text
 from steptwin.host.robots import read_robot
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics.kinds import make_kinematics
+from steptwin.host.robots.kinematics.serial.chain_geometry import JOINTS_MAX, TASKS, ArmAxes, axes_of
 from steptwin.host.robots.new_file import DRIVER_PROFILE, robot_text
 from steptwin.host.robots.new_joint import NewJoint, board_with, read_joint
 from steptwin.host.robots.robot import Dimension
@@ -160,7 +160,7 @@ def _notes_on_inverse(text: str) -> Iterator[str]:
     """Yield how poses become joints, and by how much the wrist's axes miss each other if they do."""
     robot = read_robot(text)
     kinematics = make_kinematics(robot)
-    assert isinstance(kinematics, SerialArm)
+    assert isinstance(kinematics, SixAxisArm)
     words = f"inverse kinematics {kinematics.inverse_words}"
     yield words
     miss_mm = _wrist_miss_mm(axes_of(kinematics.dh, robot.joint_names))

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from steptwin.host.common.tables import Reading, Table
     from steptwin.host.planning.jobs.job import Job
     from steptwin.host.planning.trajectory import Trajectory
+    from steptwin.host.robots.kinematics.kinds import Kind
     from steptwin.host.robots.robot import Robot
     from steptwin.host.verify.comparison import Comparison
 
@@ -102,10 +103,12 @@ class Feature:
 
     Attributes:
         name: name of the feature, of its table in robot files, of its key in report.json, of its file in run folders.
+        needs: the features that it imports.
         section: reads its table of a robot file.
         robot_tables: returns tables that belong to the file of a robot that StepTwin brings, by the robot's name.
         program_keys: reads its keys of program files; the values become the trajectory's `expects`.
         check_program: raises InputError for such a value, by its key, that a robot cannot fulfil.
+        kinematics: returns its kinds of mechanisms, by name; one that has the name of another kind replaces it.
         jobs: returns its jobs, by the kind of mechanism; one that has the name of another job replaces it.
         job_extra: returns its options of an emulated machine for a job's intent; None if the intent is not its own.
         check_robot: returns warnings about a robot, for `steptwin check`.
@@ -123,10 +126,12 @@ class Feature:
     """
 
     name: str
+    needs: Sequence[str] = ()
     section: "Reading | None" = None
     robot_tables: Callable[[str], str] | None = None
     program_keys: "Mapping[str, Reading]" = field(default_factory=dict)
     check_program: "Callable[[Robot, str, Any], None] | None" = None
+    kinematics: "Callable[[], Mapping[str, Kind]] | None" = None
     jobs: "Callable[[], Mapping[str, Sequence[Job[Any]]]] | None" = None
     job_extra: "Callable[[Robot, Any], Any] | None" = None
     check_robot: "Callable[[Robot], Iterable[str]] | None" = None
@@ -156,6 +161,10 @@ def registered() -> tuple[Mapping[str, Feature], Mapping[str, str]]:
             found[point.name] = point.load()
         except Exception as error:
             broken[point.name] = f"feature {point.name} of {_origin(point)} cannot be loaded: {error}; install it again"
+    while alone := next((each for each in found.values() if not set(each.needs) <= found.keys()), None):
+        missing = ", ".join(sorted(set(alone.needs) - found.keys()))
+        del found[alone.name]
+        broken[alone.name] = f"feature {alone.name} needs the feature {missing}, which is not there"
     return found, broken
 
 

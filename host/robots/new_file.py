@@ -12,7 +12,6 @@ from dataclasses import replace
 from enum import StrEnum
 from typing import Final
 
-from steptwin.features.arms.chain_geometry import JOINTS_MAX, ChainGeometry, usual_arm
 from steptwin.host.common.bad_input import prefixed, shortened, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
@@ -24,6 +23,7 @@ from steptwin.host.robots.kinematics.bare_axes import AxesGeometry
 from steptwin.host.robots.kinematics.base import dimensions, geometry_of, meaning
 from steptwin.host.robots.kinematics.cartesian import CartesianGeometry
 from steptwin.host.robots.kinematics.kinds import kind_named
+from steptwin.host.robots.kinematics.serial.chain_geometry import JOINTS_MAX, ChainGeometry, usual_arm
 from steptwin.host.robots.kinematics.usual_scara import ScaraGeometry
 from steptwin.host.robots.motor import MOTORS
 from steptwin.host.robots.new_joint import (

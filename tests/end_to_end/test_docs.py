@@ -20,7 +20,7 @@ from steptwin.host.cli.app import run
 from steptwin.host.robots import MACHINES, robot_names
 from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.host.robots.joint import Joint, Transmission
-from steptwin.host.robots.kinematics.kinds import KINDS
+from steptwin.host.robots.kinematics.kinds import kinds
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.switches import JointHoming, JointSwitches
 from steptwin.host.studies.papers import PAPERS, evaluated
@@ -105,7 +105,7 @@ def test_the_page_of_robot_files_has_every_key(keys: type[Any]) -> None:
         assert field.name in no_keys or any(words in page for words in spelled), field.name
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", kinds())
 def test_every_kind_has_a_drawing(kind: str) -> None:
     assert 1000 < drawing(kind).stat().st_size < PICTURE_BYTES_MAX
 

@@ -136,8 +136,8 @@ def _units_in_doubt(document: dict[str, Any]) -> list[str]:
 
 def _task_too_large(robot: "Robot") -> list[str]:
     """Return a warning if a chain's tool is told more than its joints can give: most poses are then out of reach."""
-    from steptwin.features.arms.chain_geometry import TASKS, ChainGeometry
     from steptwin.host.robots.kinematics.base import read_geometry
+    from steptwin.host.robots.kinematics.serial.chain_geometry import TASKS, ChainGeometry
 
     if robot.kinematics != "chain":
         return []

@@ -100,7 +100,7 @@ def new(
     taken for 8), JOINT.home, JOINT.motor (its model, such as 17HS19-2004S1).
     """
     from steptwin.host.robots import SUFFIX
-    from steptwin.host.robots.kinematics.kinds import KINDS
+    from steptwin.host.robots.kinematics.kinds import kinds
     from steptwin.host.robots.new_file import robot_text, with_settings
 
     path = Path(file)
@@ -126,8 +126,8 @@ def new(
     if kind is None:
         kind = _asked_kind()
         given = _asked(path.stem, kind, given)
-    elif kind not in KINDS:
-        raise unknown("--kind", kind, KINDS)
+    elif kind not in kinds():
+        raise unknown("--kind", kind, kinds())
     with prefixed("--set "):
         geometry, joints = with_settings(kind, given)
     write_whole(path, robot_text(path.stem, kind, geometry, joints))
@@ -166,17 +166,17 @@ def _tell(answer: AnswerOptions, file: str, document: dict[str, Any]) -> None:
 
 
 def _asked_kind() -> str:
-    from steptwin.host.robots.kinematics.kinds import KINDS
+    from steptwin.host.robots.kinematics.kinds import kinds
 
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
-        raise InputError(f"--kind is missing: {', '.join(KINDS)}")
-    print_table(["kind", "what it is"], [[name, kind.summary] for name, kind in KINDS.items()], text_columns=2)
+        raise InputError(f"--kind is missing: {', '.join(kinds())}")
+    print_table(["kind", "what it is"], [[name, kind.summary] for name, kind in kinds().items()], text_columns=2)
 
     def check(name: str) -> None:
-        if name not in KINDS:
-            raise unknown("kind", name, KINDS)
+        if name not in kinds():
+            raise unknown("kind", name, kinds())
 
-    return _answer("kind", next(iter(KINDS)), check)
+    return _answer("kind", next(iter(kinds())), check)
 
 
 def _asked(name: str, kind: str, given: dict[str, str]) -> dict[str, str]:

@@ -13,7 +13,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from steptwin.features.arms.rows import FixedFrame, fixed_rows, rows_around, turned_onto
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
@@ -22,6 +21,7 @@ from steptwin.host.common.tables import Reading, Table, number_at
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics.base import dimension
 from steptwin.host.robots.kinematics.dh import Convention, DhParameter, DhRow, DhTable
+from steptwin.host.robots.kinematics.serial.rows import FixedFrame, fixed_rows, rows_around, turned_onto
 from steptwin.host.robots.poses import DIRECTION_TASK, POSE, POSITION, Task
 from steptwin.host.robots.poses.base_frame import STATION
 from steptwin.host.robots.poses.rotations import of_matrix, rpy_deg

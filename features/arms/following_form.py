@@ -1,8 +1,7 @@
-"""The joints of a chain along a path of its tool: at each pose those that are nearest to where the arm just was.
+"""The joints of an arm with a closed form along a path: at each pose those that are nearest to where it just was.
 
 So the name of the branch may change where two branches meet: straight through a wrist that is stretched, `noflip`
-becomes `flip`, and no joint jumps. An arm with a closed form is followed by it; any other chain from some poses of the
-path to the next ones.
+becomes `flip`, and no joint jumps.
 """
 
 from math import inf
@@ -10,18 +9,17 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from steptwin.features.arms.levenberg import PLACE_OFF_MM, Found, NumericInverse
 from steptwin.features.arms.spherical_wrist import Solved, SphericalWrist
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.planning_time import check_planning_time
+from steptwin.host.robots.kinematics.serial.following import turned_to
+from steptwin.host.robots.kinematics.serial.levenberg import PLACE_OFF_MM
 from steptwin.host.robots.poses.rotations import wrapped_deg
 
 _WATCHED_DEG: Final = 1.0
 """Step of a joint from pose to pose above which the other branches are looked at."""
 _OFF_GUIDE_DEG: Final = 30.0
 """Distance from the guide above which joints are on another branch."""
-_ANCHORS: Final = 50
-"""Poses of a path from one to the next that are solved one after the other; those in between start from both."""
 
 
 class Followed(NamedTuple):
@@ -61,40 +59,14 @@ def follow(form: SphericalWrist, poses: FloatArray, last: FloatArray) -> Followe
 def joints_near(form: SphericalWrist, poses: FloatArray, guides: FloatArray) -> FloatArray:
     """Return joints of shape (n, 6), in degrees, at poses of shape (n, 7), nearest to guides of that shape."""
     rad = np.deg2rad(guides)
-    joints = _turned_to(guides, np.rad2deg(form.solve(poses, form.signs_of(rad), rad).joints))
+    joints = turned_to(guides, np.rad2deg(form.solve(poses, form.signs_of(rad), rad).joints))
     for row in np.flatnonzero(~(np.abs(joints - guides).max(axis=1) <= _OFF_GUIDE_DEG)):
         check_planning_time()
         solved = form.solve_all(poses[row : row + 1], rad[row])
-        choices = _turned_to(guides[row], np.rad2deg(np.concatenate([each.joints for each in solved.values()])))
+        choices = turned_to(guides[row], np.rad2deg(np.concatenate([each.joints for each in solved.values()])))
         off = np.nan_to_num(np.abs(choices - guides[row]).max(axis=1), nan=inf)
         joints[row] = choices[int(off.argmin())]
     return joints
-
-
-def find_along(numeric: NumericInverse, poses: FloatArray, near: FloatArray) -> Found:
-    """Return joints along a path that begins near joints of shape (joints,), without jumps of whole turns.
-
-    Some poses are solved one after the other, then those in between from the joints between their ends.
-    """
-    places = np.unique(np.append(np.arange(0, len(poses), _ANCHORS), len(poses) - 1))
-    anchors, last = np.empty((len(places), len(near))), np.array(near[np.newaxis], dtype=np.float64)
-    for row, place in enumerate(places):
-        check_planning_time()
-        last = numeric.near(poses[place : place + 1], last).joints
-        anchors[row] = last[0]
-    starts = np.column_stack([np.interp(np.arange(len(poses)), places, column) for column in anchors.T])
-    return find_near(numeric, poses, starts)
-
-
-def find_near(numeric: NumericInverse, poses: FloatArray, guides: FloatArray) -> Found:
-    """Return joints at poses of a path from guides of shape (n, joints), in the turns nearest to these."""
-    found = numeric.near(poses, guides)
-    return found._replace(joints=np.where(numeric.slides, found.joints, _turned_to(guides, found.joints)))
-
-
-def _turned_to(guides: FloatArray, joints: FloatArray) -> FloatArray:
-    """Return joints in degrees in the turns nearest to guides."""
-    return np.asarray(joints + 360.0 * np.round((guides - joints) / 360.0))
 
 
 def _nearest_name(form: SphericalWrist, pose: FloatArray, last: FloatArray) -> str:

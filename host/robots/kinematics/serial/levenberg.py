@@ -16,10 +16,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from steptwin.features.arms.screws import Screws
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.robots.kinematics.base import LIMIT_TOLERANCE
+from steptwin.host.robots.kinematics.serial.screws import Screws
 from steptwin.host.robots.poses import DIRECTION_TASK, POSE, POSITION, Task
 from steptwin.host.robots.poses.rotations import product, reversed_rotation, rotation_vector_deg, turned, wrapped_deg
 
