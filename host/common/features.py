@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from steptwin.emulator.simulation import Participant, Simulation
     from steptwin.host.common.tables import Reading, Table
     from steptwin.host.planning.jobs.job import Job
+    from steptwin.host.planning.motions.whole import MotionTimer
+    from steptwin.host.planning.programs.program_file import StepReading
     from steptwin.host.planning.trajectory import Trajectory
     from steptwin.host.robots.kinematics.kinds import Kind
     from steptwin.host.robots.robot import Robot
@@ -106,6 +108,8 @@ class Feature:
         needs: the features that it imports.
         section: reads its table of a robot file.
         robot_tables: returns tables that belong to the file of a robot that StepTwin brings, by the robot's name.
+        timer: returns what times motions as a whole: those with `law = "fastest"` or `blend_mm`.
+        program_steps: returns what reads its steps of program files, by their verbs.
         program_keys: reads its keys of program files; the values become the trajectory's `expects`.
         check_program: raises InputError for such a value, by its key, that a robot cannot fulfil.
         kinematics: returns its kinds of mechanisms, by name; one that has the name of another kind replaces it.
@@ -129,6 +133,8 @@ class Feature:
     needs: Sequence[str] = ()
     section: "Reading | None" = None
     robot_tables: Callable[[str], str] | None = None
+    timer: "Callable[[], MotionTimer] | None" = None
+    program_steps: "Callable[[], Mapping[str, StepReading]] | None" = None
     program_keys: "Mapping[str, Reading]" = field(default_factory=dict)
     check_program: "Callable[[Robot, str, Any], None] | None" = None
     kinematics: "Callable[[], Mapping[str, Kind]] | None" = None

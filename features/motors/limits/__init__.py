@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from steptwin.features.fastest.drives import LEFT_PERCENT, DriveLimits
 from steptwin.host.common.arrays import BoolArray, FloatArray
+from steptwin.host.planning.drives import LEFT_PERCENT, DriveLimits
 from steptwin.host.planning.peaks import Samples, sampled
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot

@@ -13,7 +13,7 @@ from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
-    from steptwin.features.fastest.drives import DriveLimits
+    from steptwin.host.planning.drives import DriveLimits
     from steptwin.host.planning.plan import Plan
     from steptwin.host.planning.polygon import Departure
     from steptwin.host.planning.trajectory import Trajectory
@@ -103,8 +103,8 @@ class SpeedOptions:
         """Return the motors that limit the motion; None without the option."""
         if self.left_percent is None:
             return None
-        from steptwin.features.fastest.drives import AskedLimits
         from steptwin.features.motors.limits import motor_limits
+        from steptwin.host.planning.drives import AskedLimits
 
         with prefixed("--left-percent: "):
             return AskedLimits(self.left_percent).drives(robot, motor_limits)
