@@ -80,7 +80,7 @@ GROUPS: Final = (
     Group("Robots and maths", "robots", "listing poses workspace paper calibrate ros"),
     Group("Run and verify", "run", "new check run verify campaign bench"),
     Group("Live board", "live", "serve panel status monitor shadow move positions halting inject ros2_bridge"),
-    Group("Files and tools", "files", "convert trace plot motors show replay exports"),
+    Group("Files and tools", "files", "trace plot motors show replay exports"),
 )
 
 EXAMPLES: Final[dict[str, list[str]]] = {}
