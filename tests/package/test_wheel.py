@@ -68,7 +68,7 @@ def test_the_wheel_has_every_module_of_the_checkout(wheel: Path) -> None:
 
 
 def test_the_wheel_has_no_benchmarks(wheel: Path) -> None:
-    """They measure a checkout; `steptwin bench`, which compares step methods, needs none of them."""
+    """They measure a checkout."""
     assert not [name for name in contents(wheel) if name.startswith("steptwin/bench")]
 
 

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from steptwin.bench.step_methods.kernel import POINTS_AHEAD, place_once
+from steptwin.bench.step_methods.motions import PlannedMotion
 from steptwin.controller.motion import kernel as k
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.kernel_c import Layout
 from steptwin.host.common.arrays import Int64Array
-from steptwin.host.studies.step_methods.kernel import POINTS_AHEAD, place_once
-from steptwin.host.studies.step_methods.motions import PlannedMotion
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 if TYPE_CHECKING:

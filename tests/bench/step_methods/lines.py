@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from steptwin.bench.step_methods import AxisPulses
+from steptwin.bench.step_methods.motions import UNITS_PER_STEP, PlannedMotion
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.trajectory import Switching
 from steptwin.host.robots import load_robot
-from steptwin.host.studies.step_methods import AxisPulses
-from steptwin.host.studies.step_methods.motions import UNITS_PER_STEP, PlannedMotion
 
 STEPS = 100
 BOARD = load_robot("warehouse-scara").board

@@ -9,14 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from steptwin.bench.step_methods import REPEATS, AxisPulses, PlacedPulses
+from steptwin.bench.step_methods.motions import AXES, MICROSTEPS, POINT_MS, UNITS_PER_STEP, PlannedMotion
 from steptwin.controller.motion.axis_motion import PinEdges, Refusal
 from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.motion.board_motion import BoardMotion
 from steptwin.controller.motion.kernel import TICKS_PER_MS
 from steptwin.controller.motion.step_config import StepConfig
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.studies.step_methods import REPEATS, AxisPulses, PlacedPulses
-from steptwin.host.studies.step_methods.motions import AXES, MICROSTEPS, POINT_MS, UNITS_PER_STEP, PlannedMotion
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
 POINTS_AHEAD = 60

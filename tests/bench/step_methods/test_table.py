@@ -5,12 +5,12 @@ from itertools import groupby
 import pytest
 
 from docs.generate.commands import DOCS
+from steptwin.bench.step_methods.cortex_m3 import CoreFigures, core_rows, ram_bytes
+from steptwin.bench.step_methods.evaluation import MethodErrors
+from steptwin.bench.step_methods.motions import all_motions
+from steptwin.bench.step_methods.table import COLUMNS, measured, table_rows
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.cortex_m3.image import COMPILER, compiler_version
-from steptwin.host.studies.step_methods.cortex_m3 import CoreFigures, core_rows, ram_bytes
-from steptwin.host.studies.step_methods.evaluation import MethodErrors
-from steptwin.host.studies.step_methods.motions import all_motions
-from steptwin.host.studies.step_methods.table import COLUMNS, measured, table_rows
 
 pytestmark = pytest.mark.slow  # the measurement takes seconds
 

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from steptwin.bench.kernel_speed import run_length
+from steptwin.bench.step_methods import Method
+from steptwin.bench.step_methods.evaluation import ideal_of, step_errors
+from steptwin.bench.step_methods.motions import PlannedMotion, Sines, motion_of_job, sines
+from steptwin.bench.step_methods.table import DDA_HZ, methods
+from steptwin.bench.step_methods.usual_methods import AustinRamp, place_ramp
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.robots import load_robot
-from steptwin.host.studies.step_methods import Method
-from steptwin.host.studies.step_methods.evaluation import ideal_of, step_errors
-from steptwin.host.studies.step_methods.motions import PlannedMotion, Sines, motion_of_job, sines
-from steptwin.host.studies.step_methods.table import DDA_HZ, methods
-from steptwin.host.studies.step_methods.usual_methods import AustinRamp, place_ramp
-from tests.host.studies.step_methods.lines import BOARD
+from tests.bench.step_methods.lines import BOARD
 
 KEYS = ["kernel", *(f"dda-{hz // 1000}k" for hz in DDA_HZ), "bresenham", "austin"]
 

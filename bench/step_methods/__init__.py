@@ -13,9 +13,9 @@ from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 
+from steptwin.bench.step_methods.motions import PlannedMotion
 from steptwin.host.common.arrays import FloatArray, Int8Array, Int64Array
 from steptwin.host.robots.board_settings import BoardSettings
-from steptwin.host.studies.step_methods.motions import PlannedMotion
 from steptwin.protocol.timer import counts_of_ns
 
 Function = TypeVar("Function", bound=Callable[..., Any])

@@ -15,14 +15,14 @@ from typing import Final
 
 import numpy as np
 
+from steptwin.bench.step_methods import AxisPulses, Method
+from steptwin.bench.step_methods.motions import PlannedMotion
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import NO_COUNTS, NO_LEVELS
 from steptwin.emulator.drivers.driver import Driver
 from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
 from steptwin.host.common.arrays import FloatArray, Int8Array, Int64Array
 from steptwin.host.robots.board_settings import BoardSettings
-from steptwin.host.studies.step_methods import AxisPulses, Method
-from steptwin.host.studies.step_methods.motions import PlannedMotion
 from steptwin.host.twin.machine.drivers import driver_profile, fitted_module
 from steptwin.host.verify.matching import SLOW_CROSSING
 from steptwin.host.verify.oracle import THRESHOLD_STEPS, IdealSteps, IndexArray, ideal_steps

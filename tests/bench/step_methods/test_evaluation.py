@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from steptwin.host.studies.step_methods import AxisPulses, Method, PlacedPulses
-from steptwin.host.studies.step_methods.evaluation import (
+from steptwin.bench.step_methods import AxisPulses, Method, PlacedPulses
+from steptwin.bench.step_methods.evaluation import (
     StepErrors,
     figures_of,
     ideal_of,
@@ -15,7 +15,7 @@ from steptwin.host.studies.step_methods.evaluation import (
     violations,
 )
 from steptwin.protocol.drivers import ActiveEdge
-from tests.host.studies.step_methods.lines import BOARD, EXACT_COUNTS, LINE, STEPS, upward
+from tests.bench.step_methods.lines import BOARD, EXACT_COUNTS, LINE, STEPS, upward
 
 
 def errors_of(pulses: AxisPulses) -> StepErrors:

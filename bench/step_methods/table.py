@@ -1,19 +1,18 @@
-"""List all methods, measure them on all motions; format the figures as a table or as a JSON document."""
+"""List all methods, measure them on all motions, and print the figures as tables."""
 
-import os
-import platform
 from collections.abc import Iterable
-from dataclasses import asdict
 from functools import partial
-from typing import Any
 
+from steptwin.bench.step_methods import Method
+from steptwin.bench.step_methods.cortex_m3 import COLUMNS as CORE_COLUMNS
+from steptwin.bench.step_methods.cortex_m3 import CoreFigures, core_figures, core_rows
+from steptwin.bench.step_methods.evaluation import MethodErrors, figures_of, ideal_of
+from steptwin.bench.step_methods.kernel import kernel_method
+from steptwin.bench.step_methods.motions import PlannedMotion
+from steptwin.bench.step_methods.usual_methods import austin, bresenham, dda
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
-from steptwin.host.studies.step_methods import Method
-from steptwin.host.studies.step_methods.cortex_m3 import CoreFigures, core_figures
-from steptwin.host.studies.step_methods.evaluation import MethodErrors, figures_of, ideal_of
-from steptwin.host.studies.step_methods.kernel import kernel_method
-from steptwin.host.studies.step_methods.motions import PlannedMotion
-from steptwin.host.studies.step_methods.usual_methods import austin, bresenham, dda
+from steptwin.host.cli.output import print_table, say
+from steptwin.host.common.extras import installing
 
 COLUMNS = (
     "motion", "method", "steps", "-", "+", "err max", "err rms", "p50 us", "p99 us", "max us", "jitter us", "broken",
@@ -37,15 +36,15 @@ def measured(motions: Iterable[PlannedMotion], kernel: Kernel) -> tuple[list[Met
     return found, on_core
 
 
-def document(figures: list[MethodErrors], on_core: list[CoreFigures], kernel: Kernel) -> dict[str, Any]:
-    """Return the document of `steptwin bench --json`: `MethodErrors` of each method and motion, and `CoreFigures`."""
-    machine = {
-        "processor": platform.processor() or platform.machine(),
-        "cores": os.cpu_count(),
-        "python": platform.python_version(),
-        "kernel": kernel.name,
-    }
-    return {"machine": machine, "rows": [asdict(row) for row in figures], "cortex_m3": [asdict(row) for row in on_core]}
+def print_figures(figures: list[MethodErrors], on_core: list[CoreFigures]) -> None:
+    """Print the table of the methods, and that of the kernel on an emulated core where that was metered."""
+    print_table(list(COLUMNS), table_rows(figures), text_columns=2)
+    if on_core:
+        flash = f"{on_core[0].text_bytes} bytes of flash"
+        say(f"The kernel on an emulated Cortex-M3, in each motion's busiest 100 ms; {flash}:")
+        print_table(list(CORE_COLUMNS), core_rows(on_core), text_columns=1)
+    else:
+        say(f"no Cortex-M3: it needs numba, unicorn ({installing('fast', 'm3')}) and arm-none-eabi-gcc", err=True)
 
 
 def table_rows(figures: list[MethodErrors]) -> list[list[str]]:

@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from steptwin.host.common.arrays import Int64Array
-from steptwin.host.studies.step_methods import (
+from steptwin.bench.step_methods import (
     THRESHOLD_Q16,
     PinTimes,
     PlacedPulses,
@@ -16,7 +15,8 @@ from steptwin.host.studies.step_methods import (
     place_axes,
     place_with,
 )
-from steptwin.host.studies.step_methods.motions import PlannedMotion
+from steptwin.bench.step_methods.motions import PlannedMotion
+from steptwin.host.common.arrays import Int64Array
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
 Q32 = 1 << 32
