@@ -7,8 +7,8 @@ import typer
 from typer.core import TyperArgument, TyperCommand
 
 from docs.generate.commands import DOCS
+from docs.generate.markdown import code, table
 from steptwin.host.cli.app import EXAMPLES, program
-from steptwin.host.studies.papers.paper_page import code, table
 
 COMMAND_LINE_PAGE: Final = DOCS / "command-line.md"
 _HEAD: Final = """<!-- Made by `make docs` from the commands in host/cli: change those. -->

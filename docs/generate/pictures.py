@@ -1,19 +1,18 @@
 """Draw the pictures of docs/robots.md: three for each run, small enough for a repository."""
 
 import re
-from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from typing import Final
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from docs.generate.commands import DOCS
+from docs.generate.drawing import write_picture
 from docs.generate.robots_page import PICTURE_KINDS, picture
+from docs.generate.runs import Runs
 from steptwin.features.shelf import shelf_of
 from steptwin.features.shelf.section import Shelf
 from steptwin.host.common.arrays import FloatArray
@@ -23,7 +22,6 @@ from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs import compile_program, parse_program
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.record.plots import DEFAULT_VIEW, PICTURES, PlotView
-from steptwin.host.record.plots.canvas import STYLE
 from steptwin.host.robots import MACHINES, load_robot, parse_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.chain import Chain
@@ -33,8 +31,6 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.studies.calibration import identify_errors, simulate_measurements
 from steptwin.host.studies.calibration.residuals import draw_residuals
 from steptwin.host.studies.motors.motor_pictures import draw_torque
-from steptwin.host.studies.papers.drawing import small_png
-from steptwin.host.studies.papers.study import Runs
 from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.twin.motors import motors_of_run
 
@@ -50,14 +46,6 @@ def write_pictures(runs: Runs) -> None:
             path = DOCS / picture(run.robot, run.job, kind)
             path.parent.mkdir(exist_ok=True)
             write_picture(path, partial(PICTURES[name], outcome.comparison, run, DEFAULT_VIEW))
-
-
-def write_picture(path: Path, draw: Callable[[], Figure]) -> None:
-    """Write a small PNG."""
-    with mpl.rc_context(STYLE):
-        figure = draw()
-        figure.align_ylabels()
-        path.write_bytes(small_png(figure))
 
 
 _MACHINE_PICTURES: Final = {

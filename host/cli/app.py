@@ -77,7 +77,7 @@ class Group(NamedTuple):
 
 
 GROUPS: Final = (
-    Group("Robots and maths", "robots", "listing poses workspace paper calibrate ros"),
+    Group("Robots and maths", "robots", "listing poses workspace calibrate ros"),
     Group("Run and verify", "run", "new check run verify campaign"),
     Group("Live board", "live", "serve panel status monitor shadow move positions halting inject ros2_bridge"),
     Group("Files and tools", "files", "trace plot motors show replay exports"),
