@@ -78,7 +78,7 @@ def write_machine_picture(robot: Robot) -> None:
 _KIND: Final = "calibration-scara"
 _NAME: Final = "my-arm"
 _ERRORS: Final = re.compile(r"^```toml\n(.*?)^```", re.MULTILINE | re.DOTALL)
-_MEASURE: Final = re.compile(r"--poses (\d+) --noise-mm (\S+) --seed (\d+)")
+_MEASURE: Final = re.compile(r"--simulate (\d+) --noise-mm (\S+) --seed (\d+)")
 
 
 def write_calibration_picture() -> None:
@@ -86,7 +86,7 @@ def write_calibration_picture() -> None:
     page = (DOCS / "calibration.md").read_text(encoding="utf-8")
     errors, measure = _ERRORS.search(page), _MEASURE.search(page)
     if not (errors and measure):
-        raise ValueError("docs/calibration.md has no errors.toml, or no steptwin measure")
+        raise ValueError("docs/calibration.md has no errors.toml, or no --simulate")
     text = robot_text(_NAME, _KIND, *with_settings(_KIND, {}))
     nominal, real = (parse_robot(each, _NAME) for each in (text, text + errors[1]))
     measured = simulate_measurements(real, int(measure[1]), float(measure[2]), int(measure[3]))

@@ -13,7 +13,7 @@ from steptwin.host.robots import load_robot
 
 NAMES = list(EXAMPLES)
 EVERY_EXAMPLE = [(name, example) for name, examples in EXAMPLES.items() for example in examples]
-CHEAP = {"robots", "jobs", "fk", "ik", "sensitivity", "eds", "dbc"}
+CHEAP = {"robots", "jobs", "fk", "ik", "eds", "dbc"}
 WAITING = {"panel"}
 """Commands that wait for their board instead of ending without it."""
 LIVE = [
@@ -48,7 +48,7 @@ def test_the_program_lists_its_commands_in_groups(capsys: pytest.CaptureFixture[
     titles = [line.strip("╭╮─ ") for line in lines if line.startswith("╭")]
     assert titles == ["Options", "Robots and maths", "Run and verify", "Live board", "Files and tools"]
     assert [line.split()[1] for line in lines if re.match(r"│ [a-z]", line)] == NAMES
-    assert len(NAMES) == len(set(NAMES)) == 44
+    assert len(NAMES) == len(set(NAMES)) == 42
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:

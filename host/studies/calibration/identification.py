@@ -1,14 +1,12 @@
 """Identify a machine's DH parameters from measured positions of its tool, by nonlinear least squares.
 
-Measured positions cannot tell all parameters of a chain apart: heights of several links add up, a twist of the last
-frame moves nothing. So the parameters are taken in order, from the world to the tool. One is identified if its error
-moves the tool in a way of its own, by at least LEAST_OWN_MOVE_MM for 1 mm or 1 degree, beside all that the identified
-ones before it can do. The others keep their values; what they would do is a combination of identified ones, which thus
-take over their errors. K. Schröer et al., "Complete, minimal and model-continuous kinematic models for robot
-calibration", 1997, and W. Khalil, E. Dombre, "Modeling, Identification and Control of Robots", section 11.4, do the
-same by a QR decomposition; here its columns are not permuted, so that the parameters near the base stand for the rest.
+Positions cannot tell all parameters apart: heights of several links add up, a twist of the last frame moves nothing. So
+parameters are taken in order, from the world to the tool. One is identified if its error moves the tool in a way of its
+own beside all that those before it can do. The others keep their values; what they would do is a combination of
+identified ones, which take over their errors. Source: W. Khalil, E. Dombre, "Modeling, Identification and Control of
+Robots", section 11.4, there by a QR decomposition whose columns are permuted.
 
-The standard deviations are those of linear least squares at the solution, from the residuals' own variance:
+Standard deviations are those of linear least squares at the solution, from the residuals' own variance:
 
     s^2 = sum r^2 / (3 n - k)        covariance = s^2 (J^T J)^-1        n measurements, k parameters
 """
@@ -30,86 +28,25 @@ from steptwin.host.robots.reader import read_robot
 from steptwin.host.robots.robot import Robot
 from steptwin.host.studies.calibration.measurements import Measurements
 
-_TABLE: Final = "dh_errors"
-
-_DECIMALS: Final = 7
-"""Decimals of an error: a ten thousandth of a micrometre, or 2 nm at the end of an arm of 1 m."""
-
-
-def corrected_text(robot: Robot, errors: Mapping[str, LinkErrors], comment: str) -> str:
-    """Return the text of a robot's file with other errors of its links, each table with a comment in its head.
-
-    Raises:
-        InputError: the robot is not from a file, or its file states errors in a form that cannot be replaced.
-    """
-    if not robot.toml:
-        raise InputError("the robot is not from a file: there is no text to correct")
-    rounded = {link: _rounded(each) for link, each in errors.items()}
-    given = {link: each for link, each in rounded.items() if _sizes(each)}
-    tables = (_table(link, each, comment) for link, each in given.items())
-    text = "\n".join([f"{_without_errors(robot.toml).rstrip()}\n", *tables])
-    if read_robot(text) != replace(robot, dh_errors=given):
-        raise InputError(f"{_TABLE}: the errors in the robot's file cannot be replaced")
-    return text
-
-
-def _rounded(errors: LinkErrors) -> LinkErrors:
-    return LinkErrors(**{quantity: round(error, _DECIMALS) for quantity, error in asdict(errors).items()})
-
-
-def _sizes(errors: LinkErrors) -> dict[str, float]:
-    return {quantity: error for quantity, error in asdict(errors).items() if error}
-
-
-def _table(link: str, errors: LinkErrors, comment: str) -> str:
-    lines = [f"{quantity} = {error:.{_DECIMALS}f}\n" for quantity, error in _sizes(errors).items()]
-    return "".join([f"[{_TABLE}.{link}] # {comment}\n", *lines])
-
-
-def _without_errors(text: str) -> str:
-    """Return the text without the tables of errors, each from its head to the next head."""
-    kept, inside = [], False
-    for line in text.splitlines(keepends=True):
-        head = line.strip()
-        if head.startswith("["):
-            inside = head.startswith((f"[{_TABLE}]", f"[{_TABLE}."))
-        if not inside:
-            kept.append(line)
-    rest = "".join(kept)
-    if _TABLE in tomllib.loads(rest):
-        raise InputError(f"{_TABLE}: stands in a line of its own; only tables such as [{_TABLE}.link1] can be replaced")
-    return rest
-
-
 LEAST_OWN_MOVE_MM: Final = 0.01
 """Rms way of the tool, per mm or degree of a parameter, that no other parameters can make; below it the parameter
 cannot be told from them. A measuring device of 0.02 mm and 50 poses find such a one to 0.3 mm or degrees."""
 
-_FREE_ROUNDS: Final = 3
-"""Number of fits after which no parameter joins those that are identified any more, so that the fits come to an end."""
-
-_EXACT: Final = 1e-14
-"""Relative change of the parameters or the residual below which a fit has converged."""
+_FREE_ROUNDS: Final = 3  # fits after which no parameter joins those identified, so that the fits come to an end
+_EXACT: Final = 1e-14  # relative change of parameters or residual below which a fit has converged
+_DECIMALS: Final = 7  # of an error in a file: a ten thousandth of a micrometre, or 2 nm at the end of an arm of 1 m
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One parameter of the chain, as the calibration leaves it.
+    """One parameter of the chain, as the calibration leaves it."""
 
-    Attributes:
-        name: its name, such as link1.a_mm.
-        before: its error in the robot's file, real minus nominal, in mm or degrees.
-        found: the error found; the same as before if it cannot be told from others.
-        deviation: standard deviation of the error found; None if it was not identified.
-        acts_as: for one that was not identified, the identified ones that move the tool likewise, with the size of
-            their error for an error of 1; empty if it does not move the tool at all.
-    """
-
-    name: str
-    before: float
-    found: float
-    deviation: float | None
+    name: str  # such as link1.a_mm
+    before: float  # its error in the robot's file, real minus nominal, in mm or degrees
+    found: float  # the error found; the same as before if it cannot be told from others
+    deviation: float | None  # standard deviation of the error found; None if it was not identified
     acts_as: tuple[tuple[float, str], ...] = ()
+    """For one not identified: the identified ones that move the tool likewise, with their errors for an error of 1."""
 
     @property
     def identified(self) -> bool:
@@ -119,25 +56,15 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Identification:
-    """The result of a calibration.
+    """The result of a calibration."""
 
-    Attributes:
-        chain: the chain with the errors found.
-        measurements: what it was found from.
-        parameters: all parameters of the chain, from the world to the tool.
-        before_mm: shape (n, 3), measured position minus that of the chain before.
-        after_mm: shape (n, 3), measured position minus that of the chain found.
-        condition: condition number of the identified parameters' derivatives, in mm per mm and mm per degree.
-        noise_mm: standard deviation of a measured coordinate, as the residuals show it.
-    """
-
-    chain: Chain
+    chain: Chain  # with the errors found
     measurements: Measurements
-    parameters: tuple[Parameter, ...]
-    before_mm: FloatArray
-    after_mm: FloatArray
-    condition: float
-    noise_mm: float
+    parameters: tuple[Parameter, ...]  # all of the chain, from the world to the tool
+    before_mm: FloatArray  # shape (n, 3), measured position minus that of the chain before
+    after_mm: FloatArray  # shape (n, 3), measured position minus that of the chain found
+    condition: float  # condition number of the identified parameters' derivatives, per mm and per degree
+    noise_mm: float  # standard deviation of a measured coordinate, as the residuals show it
 
     @property
     def rank(self) -> int:
@@ -176,11 +103,6 @@ def identify_errors(chain: Chain, measurements: Measurements) -> Identification:
 def rms_mm(residuals_mm: FloatArray) -> float:
     """Return the root of the mean square of the distances, for residuals of shape (n, 3)."""
     return float(np.sqrt(np.mean(np.sum(residuals_mm**2, axis=1))))
-
-
-def largest_mm(residuals_mm: FloatArray) -> float:
-    """Return the largest of the distances."""
-    return float(np.linalg.norm(residuals_mm, axis=1).max())
 
 
 def _residuals(chain: Chain, measurements: Measurements) -> FloatArray:
@@ -260,15 +182,8 @@ def _fitted(chain: Chain, measurements: Measurements, told: BoolArray) -> Chain:
     def slopes(values: FloatArray) -> FloatArray:
         return -_slopes(with_values(values), measurements)[:, told]
 
-    fit = least_squares(
-        residuals,
-        chain.errors.ravel()[told],
-        jac=slopes,
-        method="lm",
-        xtol=_EXACT,
-        ftol=_EXACT,
-        gtol=_EXACT,
-    )
+    start = chain.errors.ravel()[told]
+    fit = least_squares(residuals, start, jac=slopes, method="lm", xtol=_EXACT, ftol=_EXACT, gtol=_EXACT)
     found = with_values(fit.x)
     for name, error in zip(chain.parameters, found.errors.ravel().tolist(), strict=True):
         try:
@@ -299,3 +214,41 @@ def _parameters(
         )
         for i, name in enumerate(names)
     )
+
+
+def corrected_text(robot: Robot, errors: Mapping[str, LinkErrors], comment: str) -> str:
+    """Return the text of a robot's file with other errors of its links, each table with a comment in its head.
+
+    Raises:
+        InputError: the robot is not from a file, or its file states errors in a form that cannot be replaced.
+    """
+    if not robot.toml:
+        raise InputError("the robot is not from a file: there is no text to correct")
+    tables, given = [], {}
+    for link, each in errors.items():
+        sizes = {quantity: rounded for quantity, error in asdict(each).items() if (rounded := round(error, _DECIMALS))}
+        if sizes:
+            given[link] = LinkErrors(**sizes)
+            lines = (f"{quantity} = {error:.{_DECIMALS}f}\n" for quantity, error in sizes.items())
+            tables.append("".join([f"[dh_errors.{link}] # {comment}\n", *lines]))
+    text = "\n".join([f"{_without_errors(robot.toml).rstrip()}\n", *tables])
+    if read_robot(text) != replace(robot, dh_errors=given):
+        raise InputError("dh_errors: the errors in the robot's file cannot be replaced")
+    return text
+
+
+def _without_errors(text: str) -> str:
+    """Return the text without the tables of errors, each from its head to the next head."""
+    kept, inside = [], False
+    for line in text.splitlines(keepends=True):
+        head = line.strip()
+        if head.startswith("["):
+            inside = head.startswith(("[dh_errors]", "[dh_errors."))
+        if not inside:
+            kept.append(line)
+    rest = "".join(kept)
+    if "dh_errors" in tomllib.loads(rest):
+        raise InputError(
+            "dh_errors: stands in a line of its own; only tables such as [dh_errors.link1] can be replaced"
+        )
+    return rest

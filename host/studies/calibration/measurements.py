@@ -1,7 +1,7 @@
-"""The measurements of a calibration: where the tool was, measured, while the joints stood somewhere.
+"""Measured positions of a machine's tool: in a CSV file, or simulated.
 
-As a file they are CSV with the header JOINT,...,x,y,z in mm and degrees, in any order of the columns, and one line for
-each pose. Positions are in the robot's world frame.
+A file has the header JOINT,...,x,y,z in mm and degrees, in any order of the columns, and one line for each pose.
+Positions are in the robot's world frame.
 """
 
 from dataclasses import dataclass
@@ -17,30 +17,23 @@ from steptwin.host.common.file_limits import MEASUREMENTS_BYTES_MAX, MEASUREMENT
 from steptwin.host.common.numbers import check_once, fields_of, numbered_lines, numbers_of
 from steptwin.host.common.own_files import opened_text
 from steptwin.host.robots.kinematics.base import LIMIT_TOLERANCE
-from steptwin.host.robots.kinematics.chain import Chain
+from steptwin.host.robots.kinematics.chain import Chain, random_joints
 from steptwin.host.robots.robot import Robot
 
 _POSITION: Final = ("x", "y", "z")
-
-_JOINT_DECIMALS: Final = 3
+_JOINT_DECIMALS: Final = 3  # joints alike to these are the same pose
 _POSITION_DECIMALS: Final = 6
+NOISE_MAX_MM: Final = 10.0  # a measuring device with more measures nothing
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measurements:
-    """Measured positions of the tool.
+    """Measured positions of the tool."""
 
-    Attributes:
-        joints: shape (n, joints), where the joints stood, in mm and degrees.
-        positions_mm: shape (n, 3), where the tool was.
-        lines: the lines of the file that have them; numbers from 1 for measurements that are not from a file.
-        repeats: further lines of the file at poses that it has already.
-    """
-
-    joints: FloatArray
-    positions_mm: FloatArray
-    lines: tuple[int, ...]
-    repeats: int = 0
+    joints: FloatArray  # shape (n, joints), where the joints stood, in mm and degrees
+    positions_mm: FloatArray  # shape (n, 3), where the tool was
+    lines: tuple[int, ...]  # the lines of the file that have them; from 1 for measurements that are not from a file
+    repeats: int = 0  # further lines of the file at poses that it has already
 
     @classmethod
     def of(cls, joints: FloatArray, positions_mm: FloatArray) -> Self:
@@ -52,12 +45,10 @@ class Measurements:
 
 
 def read_measurements(path: Path | str, robot: Robot) -> Measurements:
-    """Return the measurements in a file, one a pose: a repeated pose counts once, where it was measured on average.
+    """Return the measurements in a file; raise InputError with path, line and column for what is wrong in it.
 
-    Each further measurement of a pose tells of the measuring device's noise, but nothing new of the arm.
-
-    Raises:
-        InputError: the file cannot be read, has other columns, or a line of it is wrong; with path, line and column.
+    A repeated pose counts once, where it was measured on average: further measurements tell of the device's noise, but
+    nothing new of the arm.
     """
     with prefixed(f"{path}: "), opened_text(path, MEASUREMENTS_BYTES_MAX) as file:
         lines = numbered_lines(file)
@@ -72,10 +63,24 @@ def read_measurements(path: Path | str, robot: Robot) -> Measurements:
         for i, line in lines:
             if len(rows) == MEASUREMENTS_MAX:
                 raise InputError(f"line {i}: is beyond {MEASUREMENTS_MAX} measurements")
-            rows[i] = _in_order(numbers_of(i, fields_of(i, line), header), header, wanted)
-            with prefixed(f"line {i}, "):
-                _check_joints(robot, rows[i])
+            values = dict(zip(header, numbers_of(i, fields_of(i, line), header), strict=True))
+            for joint in robot.joints:
+                limits = (joint.lower, joint.upper, joint.unit)
+                if not joint.lower - LIMIT_TOLERANCE <= (value := values[joint.name]) <= joint.upper + LIMIT_TOLERANCE:
+                    near = nearest_within(value, *limits)
+                    raise InputError(f"line {i}, {joint.name}: {outside(value, *limits)}{near}")
+            rows[i] = [values[name] for name in wanted]
     return _once_each(rows, len(robot.joints))
+
+
+def _check_header(header: list[str], wanted: list[str]) -> None:
+    check_once(header)
+    for name in header:
+        if name not in wanted:
+            raise unknown("column", name, wanted)
+    for name in wanted:
+        if name not in header:
+            raise InputError(f"column {name!r} is missing: the header is {','.join(wanted)}, in any order")
 
 
 def _once_each(rows: dict[int, list[float]], joints: int) -> Measurements:
@@ -99,40 +104,10 @@ def measurements_text(robot: Robot, measurements: Measurements) -> str:
     return "".join(f"{','.join(row)}\n" for row in [[*robot.joint_names, *_POSITION], *rows])
 
 
-def _check_header(header: list[str], wanted: list[str]) -> None:
-    check_once(header)
-    for name in header:
-        if name not in wanted:
-            raise unknown("column", name, wanted)
-    for name in wanted:
-        if name not in header:
-            raise InputError(f"column {name!r} is missing: the header is {','.join(wanted)}, in any order")
-
-
-def _in_order(values: list[float], header: list[str], wanted: list[str]) -> list[float]:
-    by_name = dict(zip(header, values, strict=True))
-    return [by_name[name] for name in wanted]
-
-
-def _check_joints(robot: Robot, values: list[float]) -> None:
-    for joint, value in zip(robot.joints, values, strict=False):  # the position follows
-        if not joint.lower - LIMIT_TOLERANCE <= value <= joint.upper + LIMIT_TOLERANCE:
-            limits = (joint.lower, joint.upper, joint.unit)
-            raise InputError(f"{joint.name}: {outside(value, *limits)}{nearest_within(value, *limits)}")
-
-
-NOISE_MAX_MM: Final = 10.0
-"""Largest noise: a measuring device with more measures nothing."""
-
-
 def simulate_measurements(robot: Robot, poses: int, noise_mm: float, seed: int) -> Measurements:
     """Return measurements of the actual tool, with the errors in the robot's file, at uniformly random joints.
 
-    Args:
-        robot: the robot, whose joints stay within their limits.
-        poses: number of poses.
-        noise_mm: standard deviation of each measured coordinate, normally distributed.
-        seed: seed of joints and noise; the same seed gives the same measurements.
+    Each measured coordinate has normally distributed noise; the same seed gives the same measurements.
 
     Raises:
         InputError: the robot is no DH chain, or a number is out of range.
@@ -147,10 +122,3 @@ def simulate_measurements(robot: Robot, poses: int, noise_mm: float, seed: int) 
     joints = random_joints(robot, poses, random)
     positions_mm = Chain.of(robot).poses(joints)[:, :3]
     return Measurements.of(joints, positions_mm + random.normal(0.0, noise_mm, positions_mm.shape))
-
-
-def random_joints(robot: Robot, count: int, random: np.random.Generator) -> FloatArray:
-    """Return joint positions of shape (count, joints), uniformly random within the limits, in whole thousandths."""
-    lower, upper = (np.array(ends) for ends in zip(*((each.lower, each.upper) for each in robot.joints), strict=True))
-    drawn = np.round(random.uniform(lower, upper, (count, len(lower))), _JOINT_DECIMALS)
-    return np.clip(drawn, lower, upper)

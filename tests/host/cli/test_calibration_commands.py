@@ -1,4 +1,4 @@
-"""`sensitivity`, `measure` and `calibrate`; and where the tool really is, in `fk`, `check`, `run` and `verify`."""
+"""`calibrate`, and where the tool really is, in `fk`, `check`, `run` and `verify`."""
 
 import json
 from importlib.util import find_spec
@@ -34,7 +34,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "real.toml").write_text(f"{load_robot(NAME).toml}{tables(REAL)}", encoding="utf-8")
     (folder / "motion.csv").write_text(MOTION, encoding="utf-8")
     measured = str(folder / "measured.csv")
-    assert run(["measure", str(folder / "real.toml"), measured, "--seed", "5"]) == 0
+    assert run(["calibrate", str(folder / "real.toml"), measured, "--simulate", "50", "--seed", "5"]) == 0
     assert run(["calibrate", NAME, measured, "--out", str(folder / "found")]) == 0
     return folder
 
@@ -59,10 +59,12 @@ def position(document: dict[str, Any], which: str) -> list[float]:
     return [document[which][key] for key in ("x_mm", "y_mm", "z_mm")]
 
 
-class TestSensitivity:
+class TestCoefficients:
+    """`--at`: how far each parameter takes the tool."""
+
     def test_they_are_differences_of_poses(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         """Each derivative beside what `fk` says of a file with this one error."""
-        derivatives = run_json(capsys, "sensitivity", NAME, *Q)["per"]
+        derivatives = run_json(capsys, "calibrate", NAME, "--at", " ".join(Q))["per"]
         assert len(derivatives) == 16
         for parameter in ("link1.alpha_deg", "link2.a_mm", "link2.theta_deg", "link4.d_mm"):
             link, quantity = parameter.split(".")
@@ -76,7 +78,7 @@ class TestSensitivity:
             assert [derivatives[parameter][key] for key in keys] == pytest.approx(by_difference, abs=1e-6)
 
     def test_the_errors_of_a_file_add_up(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-        """The arm of docs/calibration.md: parts, sum and exact difference, computed here from the DH products alone."""
+        """The arm of docs/calibration.md: the sum of the errors' parts, computed here from the DH products alone."""
         errors = {
             "link1": {"a_mm": 0.4, "alpha_deg": 0.08, "theta_deg": -0.25},
             "link2": {"a_mm": -0.3, "theta_deg": 0.15},
@@ -84,49 +86,30 @@ class TestSensitivity:
         }
         file = tmp_path / "real.toml"
         file.write_text(f"{load_robot(NAME).toml}{tables(errors)}", encoding="utf-8")
-        document = run_json(capsys, "sensitivity", str(file), *Q)
-        assert document["per"] == run_json(capsys, "sensitivity", NAME, *Q)["per"]
-        nominal, actual = product({}), product(errors)
-        exact_mm = (actual - nominal)[:3, 3]
-        assert exact_mm.round(3).tolist() == [1.483, -0.972, 0.846]
+        at = ("--at", " ".join(Q))
+        document, nominal = (run_json(capsys, "calibrate", robot, *at) for robot in (str(file), NAME))
+        assert document["per"] == nominal["per"]
+        assert set(nominal["together"].values()) == {0.0}
         linear_mm = np.zeros(3)
         for link, each in errors.items():
             for quantity, error in each.items():
                 less, more = (product({link: {quantity: sign * 1e-4}}) for sign in (-1.0, 1.0))
-                part_mm = error * (more - less)[:3, 3] / 2e-4
-                told = document["parts"].pop(f"{link}.{quantity}")
-                assert told["error"] == error
-                assert [told[key] for key in ("x_mm", "y_mm", "z_mm")] == pytest.approx(part_mm, abs=1e-6)
-                linear_mm += part_mm
-        assert document["parts"] == {}
+                linear_mm += error * (more - less)[:3, 3] / 2e-4
         assert linear_mm.round(3).tolist() == [1.484, -0.968, 0.846]
-        for name, expected_mm in (("sum", linear_mm), ("exact", exact_mm), ("remainder", exact_mm - linear_mm)):
-            assert [document[name][key] for key in ("x_mm", "y_mm", "z_mm")] == pytest.approx(expected_mm, abs=1e-6)
-        turned = Rotation.from_matrix(actual[:3, :3] @ nominal[:3, :3].T).as_rotvec(degrees=True)
-        assert [document["exact"][key] for key in ("rx_deg", "ry_deg", "rz_deg")] == pytest.approx(turned, abs=1e-9)
-        assert run(["sensitivity", str(file), *Q]) == 0
-        rows = {line.split()[0]: line.split()[-6:] for line in capsys.readouterr().out.splitlines()[-12:-1]}
-        assert rows["sum"][:3] == ["1.4840", "-0.9683", "0.8456"]
-        assert rows["remainder"][:3] == ["-0.0008", "-0.0039", "0.0008"]
-        assert rows["link1.theta_deg"] == ["2.0205", "-1.3399", "0.0000", "0.0000", "0.0000", "-0.2500"]
-
-    def test_without_errors_nothing_adds_up(self, capsys: pytest.CaptureFixture[str]) -> None:
-        assert run_json(capsys, "sensitivity", NAME, *Q).keys() == {"robot", "joints", "per"}
-
-    def test_the_table_has_the_same_figures(self, capsys: pytest.CaptureFixture[str]) -> None:
-        derivatives = run_json(capsys, "sensitivity", NAME, *Q)["per"]
-        assert run(["sensitivity", NAME, *Q]) == 0
+        assert [document["together"][key] for key in ("x_mm", "y_mm", "z_mm")] == pytest.approx(linear_mm, abs=1e-6)
+        assert run(["calibrate", str(file), *at]) == 0
         lines = capsys.readouterr().out.splitlines()
-        assert " ".join(lines[0].split()) == "parameter per x mm y mm z mm rx deg ry deg rz deg"
+        assert " ".join(lines[0].split()) == "parameter per error x mm y mm z mm rx deg ry deg rz deg"
+        assert lines[5].split() == ["link1.theta_deg", "deg", "-0.25", "-8.0822", "5.3598", *3 * ["0.0000"], "1.0000"]
+        assert lines[-2].split() == ["together", "1.4840", "-0.9683", "0.8456", "0.0693", "0.0400", "-0.1000"]
         assert lines[-1] == "standard DH parameters; link1 is at the world, link4 at the tool"
-        for line, (parameter, row) in zip(lines[2:], derivatives.items(), strict=False):
-            name, per, *figures = line.split()
-            assert (name, per) == (parameter, parameter.rpartition("_")[2])
-            assert [float(figure) for figure in figures] == pytest.approx([*row.values()], abs=5.1e-5)
 
-    def test_of_a_robot_that_is_no_chain(self, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_what_is_refused(self, capsys: pytest.CaptureFixture[str]) -> None:
         words = "hybrid-arm: a 'hybrid-arm' is not a chain of DH links: z2 and z3 are no joints"
-        assert refusal(capsys, "sensitivity", "hybrid-arm", "0", "0", "0", "0") == words
+        assert refusal(capsys, "calibrate", "hybrid-arm", "--at", "0 0 0 0") == words
+        refusal(capsys, "calibrate", NAME, "--at", "0 0 0")
+        refusal(capsys, "calibrate", NAME, "m.csv", "--at", "0 0 0 0")
+        refusal(capsys, "calibrate", NAME, "--at", "0 0 0 0", "--out", "found")
 
 
 class TestCalibrate:
@@ -202,26 +185,29 @@ class TestCalibrate:
         refusal(capsys, "calibrate", NAME)
 
 
-class TestMeasure:
+class TestSimulate:
     def test_it_writes_the_same_file_again(self, folder: Path, tmp_path: Path) -> None:
         again = tmp_path / "again.csv"
-        assert run(["measure", str(folder / "real.toml"), str(again), "--seed", "5"]) == 0
+        assert run(["calibrate", str(folder / "real.toml"), str(again), "--simulate", "50", "--seed", "5"]) == 0
         assert again.read_bytes() == (folder / "measured.csv").read_bytes()
 
     def test_it_replaces_nothing_unasked(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         file = tmp_path / "m.csv"
         file.write_text("mine", encoding="utf-8")
-        refusal(capsys, "measure", NAME, str(file))
+        refusal(capsys, "calibrate", NAME, str(file), "--simulate", "3")
         assert file.read_text(encoding="utf-8") == "mine"
-        document = run_json(capsys, "measure", NAME, str(file), "--replace", "--poses", "3", "--noise-mm", "0")
+        document = run_json(capsys, "calibrate", NAME, str(file), "--replace", "--simulate", "3", "--noise-mm", "0")
         assert document["dh_errors"] is False
         assert len(file.read_text(encoding="utf-8").splitlines()) == 4
 
     def test_numbers_that_are_refused(self, capsys: pytest.CaptureFixture[str]) -> None:
-        refusal(capsys, "measure", NAME, "m.csv", "--poses", "0")
-        refusal(capsys, "measure", NAME, "m.csv", "--noise-mm", "11")
-        refusal(capsys, "measure", NAME, "m.csv", "--noise-mm", "x")
-        refusal(capsys, "measure", NAME)
+        simulate = ("calibrate", NAME, "m.csv", "--simulate")
+        refusal(capsys, *simulate, "0")
+        refusal(capsys, *simulate, "3", "--noise-mm", "11")
+        refusal(capsys, *simulate, "3", "--noise-mm", "x")
+        refusal(capsys, *simulate, "3", "--out", "found")
+        refusal(capsys, "calibrate", NAME, "--simulate", "3")
+        refusal(capsys, "calibrate", NAME, "m.csv", "--seed", "3")
 
 
 class TestTheActualTool:

@@ -8,12 +8,8 @@ from steptwin.host.common.file_limits import MEASUREMENTS_MAX
 from steptwin.host.robots import load_robot, parse_robot
 from steptwin.host.robots.link_errors import LinkErrors
 from steptwin.host.robots.new_file import robot_text, with_settings
-from steptwin.host.studies.calibration import (
-    corrected_text,
-    measurements_text,
-    read_measurements,
-    simulate_measurements,
-)
+from steptwin.host.studies.calibration.identification import corrected_text
+from steptwin.host.studies.calibration.measurements import measurements_text, read_measurements, simulate_measurements
 from tests.host.complaints import complaint_of
 
 ROBOT = load_robot("calibration-scara")

@@ -8,13 +8,8 @@ import pytest
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.kinematics.chain import Chain
 from steptwin.host.robots.robot import Robot
-from steptwin.host.studies.calibration import (
-    Identification,
-    Measurements,
-    identify_errors,
-    rms_mm,
-    simulate_measurements,
-)
+from steptwin.host.studies.calibration.identification import Identification, identify_errors, rms_mm
+from steptwin.host.studies.calibration.measurements import Measurements, simulate_measurements
 from tests.host.complaints import complaint_of
 from tests.host.robots.kinematics.mechanisms import CALIBRATION, SCARAS, Mechanism, each_scara
 
