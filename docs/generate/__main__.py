@@ -1,6 +1,7 @@
 """Write the generated pages of docs/ again: `python -m docs.generate`."""
 
 from docs.generate.command_line import COMMAND_LINE_PAGE, render_command_line
+from docs.generate.drawer_pull_film import write_drawer_pull_film
 from docs.generate.driver_page import DRIVER_PAGE, write_driver_pictures
 from docs.generate.machine_pages import CONTROL_PORT_PAGE, FAULTS_PAGE, MACHINE_PAGE, render_machine_options
 from docs.generate.motion_pictures import write_motion_pictures
@@ -38,6 +39,7 @@ def main() -> None:
     write_motion_pictures()
     write_warehouse_picture()
     write_papers()
+    write_drawer_pull_film(runs)
 
 
 if __name__ == "__main__":

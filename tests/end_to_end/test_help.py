@@ -48,7 +48,7 @@ def test_the_program_lists_its_commands_in_groups(capsys: pytest.CaptureFixture[
     titles = [line.strip("╭╮─ ") for line in lines if line.startswith("╭")]
     assert titles == ["Options", "Robots and maths", "Run and verify", "Live board", "Files and tools"]
     assert [line.split()[1] for line in lines if re.match(r"│ [a-z]", line)] == NAMES
-    assert len(NAMES) == len(set(NAMES)) == 42
+    assert len(NAMES) == len(set(NAMES)) == 41
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:

@@ -58,7 +58,6 @@ def test_of_a_folder(
 @pytest.mark.parametrize(
     ("given", "name"),
     [
-        (["animate", "{}", "--fps", "1", "--out"], "arm.html"),
         (["trace", "{}", "--out"], "mine.vcd"),
         (["trace", "{}", "--format", "csv", "--out"], "mine.csv"),
         ([*CALIBRATE, "--simulate", "3"], "measured.csv"),

@@ -5,8 +5,7 @@ import pytest
 
 from steptwin.host.panel.replay.marks import MarkKind, RunMark
 from steptwin.host.panel.replay.model import Replay
-from steptwin.host.panel.replay.page import Player
-from steptwin.host.record.animation import SPEEDS
+from steptwin.host.panel.replay.page import SPEEDS, Player
 from tests.host.record.machines import perfect_run
 from tests.host.verify.motions import ENABLE_COUNTS, START_COUNTS
 
