@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc
 
 from docs.generate.commands import DOCS, GeneratedPage
-from docs.generate.pictures import write_picture
+from docs.generate.drawing import write_picture
+from docs.generate.markdown import table
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.record.plots.in_space import draw_arm_in_space
 from steptwin.host.robots import load_robot, read_robot
@@ -19,7 +20,6 @@ from steptwin.host.robots.kinematics.base import dimensions, meaning
 from steptwin.host.robots.kinematics.hybrid import GUIDE_PART
 from steptwin.host.robots.kinematics.kinds import kinds
 from steptwin.host.robots.new_file import robot_text, usual_dimensions, usual_joints, with_settings
-from steptwin.host.studies.papers.paper_page import table
 
 _LINK: Final[dict[str, Any]] = {"color": "#3b4a5a", "linewidth": 7, "solid_capstyle": "round", "zorder": 2}
 _DIMENSION: Final = "#c2410c"

@@ -80,8 +80,7 @@ def _dh_errors_document(robot: "Robot") -> dict[str, Any]:
     """Return the errors of the DH parameters, and how far they take the tool away: at home, and at random joints."""
     import numpy as np
 
-    from steptwin.host.robots.kinematics.chain import actual_chain
-    from steptwin.host.studies.calibration.measurements import random_joints
+    from steptwin.host.robots.kinematics.chain import actual_chain, random_joints
 
     chain = actual_chain(robot)
     if chain is None:

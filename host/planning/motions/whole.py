@@ -45,7 +45,7 @@ class CornerError(InputError):
         self.corner = corner
 
 
-class Flow(Protocol):
+class FlowingSteps(Protocol):
     """Legs of a motion that flow into each other and have not ended yet."""
 
     @property
@@ -86,7 +86,7 @@ class MotionTimer(Protocol):
         """Return a motion along a motion's path, in its own time; raise InputError if there is none."""
         ...
 
-    def flow(self, robot: Robot, start: FloatArray, drives: DriveLimits | None) -> Flow:
+    def flow(self, robot: Robot, start: FloatArray, drives: DriveLimits | None) -> FlowingSteps:
         """Return a flow without legs that begins at joints of shape (joints,)."""
         ...
 

@@ -8,7 +8,7 @@ from typing import Final
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.drives import DriveAnswer
 from steptwin.host.planning.motions.composer import Composer
-from steptwin.host.planning.motions.whole import Flow
+from steptwin.host.planning.motions.whole import FlowingSteps
 from steptwin.host.planning.programs.paces import OnTheWay
 from steptwin.host.planning.trajectory import Switching, Trajectory
 
@@ -85,7 +85,7 @@ def switch_on_way(
     return tuple(changes)
 
 
-def check_none_gathered(legs: Flow | None, what: str) -> None:
+def check_none_gathered(legs: FlowingSteps | None, what: str) -> None:
     """Raise InputError if a step flows on into something that begins at rest."""
     if legs is not None and legs.is_open:
         raise InputError(f"{what} begins at rest, but the step before flows on: leave its blend_mm out")

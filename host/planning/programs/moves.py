@@ -22,7 +22,7 @@ from steptwin.host.planning.motions.tool_move import (
     nearest_turns,
     present_branch,
 )
-from steptwin.host.planning.motions.whole import Flow, motion_timer
+from steptwin.host.planning.motions.whole import FlowingSteps, motion_timer
 from steptwin.host.planning.no_way import NO_WAY, is_no_way
 from steptwin.host.planning.paths import (
     Arc,
@@ -104,7 +104,7 @@ class Moves:
         self.composer: Composer = Composer(robot, np.array(robot.home) if joints is None else joints)
         self.place = ""
         """The step that is being added, as messages name it."""
-        self.legs: Flow | None = None
+        self.legs: FlowingSteps | None = None
         """The steps that flow into each other and have not ended yet."""
         self.switched: tuple[Switching, ...] = ()
         """Outputs that change on the way of the last step that did not flow."""
@@ -292,7 +292,7 @@ class Moves:
         """Return whether a step is timed together with others, or by the law of such a motion."""
         return pace.is_whole or (self.legs is not None and self.legs.is_open)
 
-    def _gathering(self) -> Flow:
+    def _gathering(self) -> FlowingSteps:
         """Return the steps that flow, which begin here if there are none yet."""
         if not self.legs:
             self.legs = motion_timer().flow(self._robot, self.composer.joints, self._drives)

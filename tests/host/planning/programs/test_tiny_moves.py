@@ -161,7 +161,9 @@ def test_the_gcode_of_all_steps_is_bounded_together(tmp_path: Path, monkeypatch:
     (tmp_path / "a.ngc").write_text("G0 X1\n", encoding="utf-8")
     found = Findings()
     parse_program(5 * '[[step]]\ngcode = "a.ngc"\n', found, tmp_path)
-    assert found.messages[0].startswith("step 4: a.ngc: the files of the program's steps have more than 20 bytes together")
+    assert found.messages[0].startswith(
+        "step 4: a.ngc: the files of the program's steps have more than 20 bytes together"
+    )
     assert len(found.messages) == 2
 
 
