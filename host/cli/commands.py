@@ -51,12 +51,6 @@ COMMANDS: Final = (
         "Verify a stored run again: same verdict and exit code as the run, or 1 if its files were changed.",
         f"{_CLI}.run.verify",
     ),
-    CommandRow(
-        "capture",
-        _RUN,
-        "Tell what a logic analyser has recorded: channels, their shortest pulses, and which look like STEP and DIR.",
-        f"{_CLI}.run.verify",
-    ),
     CommandRow("serve", _LIVE, "Run a robot's board, or several, in real time until Ctrl-C.", f"{_CLI}.live.serve"),
     CommandRow(
         "doctor",

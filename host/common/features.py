@@ -125,6 +125,7 @@ class Feature:
         expected: returns what a motion is planned to leave, from robot, trajectory and options; None for nothing.
         judge: returns the judge of its evidence.
         run_options: returns a dataclass of options of `steptwin run`: a `RunHook`.
+        verify_options: returns a dataclass of options of `steptwin verify`: an `OtherEvidence`.
         report_lines: returns lines of text for its part of a run's document.
         commands: its commands.
     """
@@ -148,6 +149,7 @@ class Feature:
     expected: "Callable[[Robot, Trajectory, Any], Any] | None" = None
     judge: "Callable[[], FeatureJudge] | None" = None
     run_options: Callable[[], type[Any]] | None = None
+    verify_options: Callable[[], type[Any]] | None = None
     report_lines: Callable[[Mapping[str, Any]], Iterable[str]] | None = None
     commands: Sequence[CommandRow] = ()
 

@@ -10,9 +10,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from steptwin.features.captures.clock_line import AxisPairs, ClockLine, SeenSteps
 from steptwin.host.common.arrays import FloatArray, Int8Array
 from steptwin.host.common.errors import InputError
+from steptwin.host.verify.clock_line import AxisPairs, ClockLine, SeenSteps
 from steptwin.host.verify.oracle import IdealSteps
 
 BIN_S: Final = 1e-3

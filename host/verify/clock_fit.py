@@ -17,7 +17,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from steptwin.features.captures.clock_line import (
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.verify import Evidence, Expectation
+from steptwin.host.verify.clock_line import (
     AxisPairs,
     ClockLine,
     SeenSteps,
@@ -26,9 +28,7 @@ from steptwin.features.captures.clock_line import (
     residual_steps,
     with_late,
 )
-from steptwin.features.captures.clock_search import alignments, apart_steps, coarse_offset
-from steptwin.host.common.arrays import FloatArray
-from steptwin.host.verify import Evidence, Expectation
+from steptwin.host.verify.clock_search import alignments, apart_steps, coarse_offset
 from steptwin.host.verify.oracle import IdealSteps, ideal_steps
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
