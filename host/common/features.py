@@ -10,6 +10,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol
 
 if TYPE_CHECKING:
+    from steptwin.controller.motion.backend import Kernel
     from steptwin.emulator.simulation import Participant, Simulation
     from steptwin.host.common.tables import Reading, Table
     from steptwin.host.planning.jobs.job import Job
@@ -120,12 +121,14 @@ class Feature:
         machine_options: returns the class of its options of an emulated machine: a frozen dataclass whose fields have
             spellings, with a method `over` as that of `MachineOptions`.
         replayed: returns such options from a stored report; None if the run had none.
+        kernels: returns what makes its forms of the firmware's kernel, by name; they raise InputError if they cannot.
         part: returns its part of a machine from robot, joints at power-up, axes of each board, options and the inputs
             for which the motion waits (None: unknown); None if the machine has no such part.
         expected: returns what a motion is planned to leave, from robot, trajectory and options; None for nothing.
         judge: returns the judge of its evidence.
         run_options: returns a dataclass of options of `steptwin run`: a `RunHook`.
         verify_options: returns a dataclass of options of `steptwin verify`: an `OtherEvidence`.
+        new_options: returns a dataclass of options of `steptwin new`: a `RobotSource`.
         report_lines: returns lines of text for its part of a run's document.
         commands: its commands.
     """
@@ -145,11 +148,13 @@ class Feature:
     check_travel: "Callable[[Robot, Sequence[float], Sequence[float]], None] | None" = None
     machine_options: Callable[[], type[Any]] | None = None
     replayed: "Callable[[Table], Any] | None" = None
+    kernels: "Callable[[], Mapping[str, Callable[[], Kernel]]] | None" = None
     part: MakePart | None = None
     expected: "Callable[[Robot, Trajectory, Any], Any] | None" = None
     judge: "Callable[[], FeatureJudge] | None" = None
     run_options: Callable[[], type[Any]] | None = None
     verify_options: Callable[[], type[Any]] | None = None
+    new_options: Callable[[], type[Any]] | None = None
     report_lines: Callable[[Mapping[str, Any]], Iterable[str]] | None = None
     commands: Sequence[CommandRow] = ()
 

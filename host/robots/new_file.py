@@ -8,7 +8,7 @@ import json
 import re
 from collections.abc import Iterable, Mapping
 from copy import deepcopy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Final
 
@@ -80,6 +80,25 @@ _COUNTS: Final = {"axes": (1, JOINTS_MAX), "chain": (len(_CHAIN_JOINTS), len(_CH
 """Of each kind with a free number of joints the usual number and the most of a new file."""
 
 _COMMENT: Final = re.compile(r"^\[joints\.(\S+)\] # (.+)$", re.MULTILINE)
+
+
+@dataclass(frozen=True, slots=True)
+class NewRobot:
+    """A robot file that was made of another file.
+
+    Attributes:
+        text: the text of the file.
+        kind: its kind.
+        geometry: the keys of its [kinematics].
+        joints: the names of its joints.
+        notes: what its user should know, a line each.
+    """
+
+    text: str
+    kind: str
+    geometry: Mapping[str, Dimension]
+    joints: tuple[str, ...]
+    notes: tuple[str, ...]
 
 
 def usual_dimensions(kind: str, joints: int | None = None) -> dict[str, Dimension]:
