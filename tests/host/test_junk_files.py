@@ -9,13 +9,11 @@ from typing import Any, Final
 
 import pytest
 
-from steptwin.features.campaigns.campaign import Sources
-from steptwin.features.campaigns.reader import parse_campaign
 from steptwin.host.cli.run.check import check_program, check_scenario
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import features
 from steptwin.host.common.findings import Findings
 from steptwin.host.robots import brought_text, read_robot
-from tests.features.campaigns.campaigns import SMALL
 from tests.host.robots.coupled import coupled_text
 from tests.junk import junk_documents, toml_of
 
@@ -24,6 +22,9 @@ EVENING: Final = re.compile(r"<!-- evening -->\n```toml\n(.*?)```", re.DOTALL)
 
 
 def _campaign(text: str) -> None:
+    from steptwin.features.campaigns.campaign import Sources
+    from steptwin.features.campaigns.reader import parse_campaign
+
     parse_campaign(Sources("campaign.toml", text, folder=Path("no-such-folder")))
 
 
@@ -35,6 +36,12 @@ def _program(text: str) -> None:
     check_program(DOCS / "programs", text, None, Findings())
 
 
+def _small() -> str:
+    from tests.features.campaigns.campaigns import SMALL
+
+    return SMALL
+
+
 def _evening() -> str:
     found = EVENING.search((DOCS / "campaigns.md").read_text(encoding="utf-8"))
     assert found is not None
@@ -44,12 +51,12 @@ def _evening() -> str:
 KINDS: Final[dict[str, tuple[Callable[[], str], Callable[[str], object], int]]] = {
     "robot": (lambda: brought_text("warehouse-scara"), read_robot, 37),
     "coupled robot": (coupled_text, read_robot, 37),
-    "small campaign": (lambda: SMALL, _campaign, 2),
-    "evening": (_evening, _campaign, 7),
     "scenario": (lambda: (DOCS / "examples/faults/carry.toml").read_text(encoding="utf-8"), _scenario, 5),
     "program": (lambda: (DOCS / "programs/teaching-scara.toml").read_text(encoding="utf-8"), _program, 47),
 }
 """Each kind of file: a valid one, who reads it, and which part of all junk is tried: one of so many."""
+if "campaigns" in features():
+    KINDS.update({"small campaign": (_small, _campaign, 2), "evening": (_evening, _campaign, 7)})
 
 
 @pytest.mark.slow

@@ -18,8 +18,8 @@ from steptwin.host.planning.motions.tool_move import present_branch
 from steptwin.host.planning.paths import StraightLine
 from steptwin.host.planning.programs import CompiledProgram
 from steptwin.host.planning.programs.paces import JointPace, ToolPace
+from tests.features.fastest.test_flowing import ROBOT, compiled
 from tests.host.planning.programs.test_compiling import tool
-from tests.host.planning.programs.test_flowing import ROBOT, compiled
 
 LATE_S = 0.003
 GO = "[[step]]\ngo = {{ th1 = {th1}, th2 = {th2}, d3 = {d3} }}\nblend_mm = {r}\n"
