@@ -7,6 +7,7 @@ from typing import Final
 from steptwin.controller.motion.backend import Kernel
 from steptwin.features.faults.report import ScenarioReport
 from steptwin.features.faults.scenario import Scenario, parse_scenario
+from steptwin.features.motors.options import MotorOptions
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.plan import Plan
@@ -51,7 +52,7 @@ def played(
         "carry",
         kernel,
         scenario=scenario(text),
-        motors=motors,
+        extras=[MotorOptions(motors=motors)],
         axes_per_board=boards,
         crystal_ppm=crystals,
     )
