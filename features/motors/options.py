@@ -20,7 +20,8 @@ _MOTORS: Final = Spelling(
     option="--motors",
     value="",
     example="True",
-    says="Let the motors turn with the board, with the arm's masses: switches follow them (docs/motors.md).",
+    says="Let the motors turn with the board, with the arm's masses: switches follow them; no crystal may be off"
+    " (docs/motors.md).",
     served=True,
 )
 

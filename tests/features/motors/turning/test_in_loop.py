@@ -109,7 +109,7 @@ class TestAnotherPayload:
         fault = '[[fault]]\nat_s = 0.3003\ndo = "payload"\npayload_kg = 0.5\nfor_s = 0.2004\n'
         ran, report = played(fast_kernel, fault, motors=True)
         assert report.passed
-                evidence = ran.comparison.evidence
+        evidence = ran.comparison.evidence
         driving = Driving.of(TEACHING, evidence)
         at_s = np.array([0.3003, 0.3003 + 0.2004])
         counts = evidence.start_counts + np.rint(at_s * COUNTS_PER_SECOND).astype(np.int64)
@@ -238,9 +238,7 @@ def usual_homing(fast_kernel: Kernel) -> tuple[list[object], list[float]]:
 def test_an_elbow_that_homes_too_hard_turns_the_shoulder_out_of_step(fast_kernel: Kernel) -> None:
     """At 360 deg/s2, which its own motor manages; at the file's acceleration the shoulder's motor holds against it."""
     for acceleration, lost in ((None, False), (360.0, True)):
-        board = BoardUnderTest(
-            LAB, stand_at={"th2": 0.0, "th3": 5.0}, kernel=fast_kernel, extras=TURNING
-        )
+        board = BoardUnderTest(LAB, stand_at={"th2": 0.0, "th3": 5.0}, kernel=fast_kernel, extras=TURNING)
         start_homing(board, LAB, "th3", acceleration)
         board.wait(0.6)
         assert board.slipped()["th3"] == 0
@@ -290,10 +288,7 @@ def test_the_length_of_stretches_changes_nothing(
 ) -> None:
     """The same frames, the same rotors."""
     monkeypatch.setattr("steptwin.features.motors.rotors.rotor_watch.REST_TICKS", ticks)
-    assert (
-        homed(BoardUnderTest(LAB, stand_at={"d1": -5.3}, kernel=fast_kernel, extras=TURNING))
-        == usual_homing
-    )
+    assert homed(BoardUnderTest(LAB, stand_at={"d1": -5.3}, kernel=fast_kernel, extras=TURNING)) == usual_homing
 
 
 def test_nor_do_pieces_of_stretches(usual_homing: tuple[list[object], list[float]], fast_kernel: Kernel) -> None:
@@ -404,8 +399,7 @@ class TestALiveBoard:
             session.send(NMT_START)
             session.move(0)
             session.wait(60)
-            told = session.board.features()["motors"]
-            found.append((session.board.live.simulation.rotors_full_steps(), told))
+            found.append((session.board.live.simulation.rotors_full_steps(), session.board.features()["motors"]))
         assert all(each == found[0] for each in found)
         joints = found[0][1]["joints"]
         assert abs(joints[JOINT]["load_angle_deg"]) > 1.0
@@ -439,9 +433,7 @@ class TestALiveBoard:
             LiveSession(fast_kernel).board.operate(Payload(5.0))
 
     def test_axes_of_several_boards_turn_one_arm(self, fast_kernel: Kernel) -> None:
-        together, apart = (
-            LiveSession(fast_kernel, extras=TURNING, axes_per_board=axes) for axes in ((6,), (4, 2))
-        )
+        together, apart = (LiveSession(fast_kernel, extras=TURNING, axes_per_board=axes) for axes in ((6,), (4, 2)))
         for session in (together, apart):
             session.send(NMT_START)
             session.move(0)
