@@ -4,10 +4,11 @@ from dataclasses import replace
 from functools import cache
 from typing import Final
 
+import pytest
+
 from steptwin.controller.motion.backend import Kernel
 from steptwin.features.faults.report import ScenarioReport
 from steptwin.features.faults.scenario import Scenario, parse_scenario
-from steptwin.features.motors.options import MotorOptions
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.plan import Plan
@@ -37,6 +38,12 @@ def scenario(text: str) -> Scenario:
     return read
 
 
+def _turning() -> list[object]:
+    """Return the option of motors that turn with the board; skip the test where motors are not installed."""
+    options = pytest.importorskip("steptwin.features.motors.options")
+    return [options.MotorOptions(motors=True)]
+
+
 def played(
     kernel: Kernel,
     text: str,
@@ -52,7 +59,7 @@ def played(
         "carry",
         kernel,
         scenario=scenario(text),
-        extras=[MotorOptions(motors=motors)],
+        extras=_turning() if motors else (),
         axes_per_board=boards,
         crystal_ppm=crystals,
     )
