@@ -79,7 +79,7 @@ test-lowest: export NUMBA_CACHE_DIR = $(abspath $(LOWEST)/numba)
 test-lowest: $(LOWEST)/.installed
 	$(LOWEST)/bin/steptwin run warehouse-scara drawer-pull --out $(LOWEST)/drawer-pull
 	$(LOWEST)/bin/python -m pytest $(TOGETHER) \
-		tests/host/record/recorded_bus tests/host/record/animation tests/host/record/waveforms tests/features/campaigns/test_results.py \
+		tests/host/record/recorded_bus tests/host/record/waveforms tests/features/campaigns/test_results.py \
 		tests/host/client/test_axis.py tests/host/client/test_bus_link.py tests/live/test_ros2_bridge.py tests/features/panel/page/test_guard.py \
 		tests/end_to_end/test_help.py tests/end_to_end/test_narrow_terminal.py
 

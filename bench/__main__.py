@@ -1,6 +1,7 @@
 """Print the tables of all benchmarks: `python -m steptwin.bench`, or `make bench`.
 
-A word prints only some of them: `kinematics` those of poses and joints, `programs` those of a six-axis arm's programs,
+A word prints only some of them: `timing` those of the kernel's step timing beside a DDA, Bresenham and Austin's ramp,
+`kinematics` those of poses and joints, `programs` those of a six-axis arm's programs,
 `fastest` those of motions as fast as the limits allow, `motor-limited` those of motions as fast as the motors manage,
 `package` those of the wheel's size and of start-up, `panel` those of the operator's panel, `motors` those of motors
 after a run, `live-motors [PAIRS]` those of motors that turn with a live board, `workers` that of a campaign's workers,
@@ -27,12 +28,12 @@ from steptwin.bench.own_firmware import firmware_tables
 from steptwin.bench.package_size import package_tables
 from steptwin.bench.panel_delays import panel_tables
 from steptwin.bench.six_axis_arms import arms_table, programs_tables
+from steptwin.bench.step_methods.motions import all_motions
+from steptwin.bench.step_methods.table import measured, print_figures
 from steptwin.controller.motion.backend import KERNELS, Kernel
-from steptwin.host.cli.run.bench import print_figures
-from steptwin.host.studies.step_methods.motions import all_motions
-from steptwin.host.studies.step_methods.table import measured
 
 _WORDS: Final[dict[str, Callable[..., Iterable[Table | str]]]] = {
+    "timing": lambda: _step_methods(_kernels()[-1]),
     "kinematics": lambda: [kinematics_table(), arms_table()],
     "programs": lambda: programs_tables(_kernels()),
     "fastest": lambda: [motions_table(), gcode_table(), corners_text()],
@@ -65,6 +66,12 @@ def _kernels() -> list[Kernel]:
     return [KERNELS["python"]()] + ([KERNELS["numba"]()] if find_spec("numba") else [])
 
 
+def _step_methods(kernel: Kernel) -> Iterator[str]:
+    """Compare the kernel's pulse timing with other ways of making step pulses."""
+    yield "Pulse timing: the kernel beside other methods, against the exact crossings of the planned motion"
+    print_figures(*measured(all_motions(), kernel))
+
+
 def _all() -> Iterator[Table | str]:
     """Measure everything."""
     kernels = _kernels()
@@ -74,8 +81,7 @@ def _all() -> Iterator[Table | str]:
     yield kernel_table(kernels)
     yield drawer_pull_table(kernels)
     yield compiled_text()
-    yield "Pulse timing: the kernel beside other methods, against the exact crossings of the planned motion"
-    print_figures(*measured(all_motions(), fastest))
+    yield from _step_methods(fastest)
     yield from scaling_tables(fastest)
     yield timing_table(fastest)
     yield cyclic_table(fastest)

@@ -11,11 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from steptwin.bench import kernel_speed
+from steptwin.bench.step_methods.evaluation import MethodErrors, ideal_of
+from steptwin.bench.step_methods.motions import PlannedMotion, all_motions, stress
+from steptwin.bench.step_methods.table import measured, methods
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
 from steptwin.host.record.plots.canvas import COUNTED, PLANNED, STYLE, WIDTH_INCHES
-from steptwin.host.studies.step_methods.evaluation import MethodErrors, ideal_of
-from steptwin.host.studies.step_methods.motions import PlannedMotion, all_motions, stress
-from steptwin.host.studies.step_methods.table import measured, methods
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 DOTS_PER_INCH: Final = 90

@@ -13,6 +13,7 @@ import numpy as np
 from rich.table import Table
 
 from steptwin.bench import bench_table
+from steptwin.bench.step_methods.motions import AXES
 from steptwin.controller.motion.backend import fastest_kernel
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import Int64Array
@@ -29,7 +30,6 @@ from steptwin.host.record.waveforms.export import csv, vcd
 from steptwin.host.robots import load_robot, robot_names
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
-from steptwin.host.studies.step_methods.motions import AXES
 from steptwin.host.twin.embedded.execution import execute
 from steptwin.protocol.drivers import PROFILES
 from steptwin.protocol.timer import COUNTS_PER_SECOND

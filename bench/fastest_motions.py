@@ -17,9 +17,8 @@ from rich.table import Table
 from steptwin.bench import bench_table
 from steptwin.features.fastest.chain import timed_chains
 from steptwin.features.fastest.corners import JointLeg, MotionLeg, ToolLeg, flowing
-from steptwin.features.fastest.drives import DriveAnswer
 from steptwin.features.fastest.executed import timed
-from steptwin.features.fastest.pieces import FollowedPath, Pace
+from steptwin.features.fastest.pieces import FollowedPath
 from steptwin.features.fastest.solve import fastest_squares
 from steptwin.features.motors.limits import motor_limits
 from steptwin.features.motors.turning import motors_of_run
@@ -27,9 +26,11 @@ from steptwin.features.motors.turning.after_run import first_slip
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
+from steptwin.host.planning.drives import DriveAnswer
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.motions.tool_move import present_branch
+from steptwin.host.planning.motions.whole import Pace
 from steptwin.host.planning.paths import Arc, StraightLine, ToolPath
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs import compile_program, parse_program

@@ -25,14 +25,8 @@ from rich.table import Table
 
 from steptwin.bench import bench_table
 from steptwin.bench.live_server import of_process, sdo_write
-from steptwin.controller.motion.axis_motion import PinEdges
-from steptwin.controller.motion.backend import Kernel, fastest_kernel
-from steptwin.controller.motion.kernel import TICK_COUNTS, TICKS_PER_MS
-from steptwin.controller.node.firmware import Firmware
-from steptwin.host.common.arrays import Int64Array
-from steptwin.host.robots import load_robot
-from steptwin.host.studies.step_methods.evaluation import ideal_of, step_errors
-from steptwin.host.studies.step_methods.kernel import (
+from steptwin.bench.step_methods.evaluation import ideal_of, step_errors
+from steptwin.bench.step_methods.kernel import (
     UNLIMITED,
     Advance,
     Load,
@@ -44,7 +38,13 @@ from steptwin.host.studies.step_methods.kernel import (
     run,
     sine,
 )
-from steptwin.host.studies.step_methods.motions import AXES, MICROSTEPS, POINT_MS, PlannedMotion, Sines, sines
+from steptwin.bench.step_methods.motions import AXES, MICROSTEPS, POINT_MS, PlannedMotion, Sines, sines
+from steptwin.controller.motion.axis_motion import PinEdges
+from steptwin.controller.motion.backend import Kernel, fastest_kernel
+from steptwin.controller.motion.kernel import TICK_COUNTS, TICKS_PER_MS
+from steptwin.controller.node.firmware import Firmware
+from steptwin.host.common.arrays import Int64Array
+from steptwin.host.robots import load_robot
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, Mode
 from steptwin.protocol.frame import COB_NMT, COB_RPDO, COB_SYNC, FIRST_NODE_ID, Frame

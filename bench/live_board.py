@@ -28,6 +28,8 @@ from steptwin.bench.live_server import (
     send,
     silence_python_can,
 )
+from steptwin.bench.step_methods.kernel import Load
+from steptwin.bench.step_methods.motions import AXES, MICROSTEPS, UNITS_PER_STEP
 from steptwin.emulator.bus.can_timing import frame_bits
 from steptwin.host.client import AxisSettings, Machine, StreamedMotion
 from steptwin.host.client.links.bus_link import BusLink, Connection, open_bus
@@ -35,8 +37,6 @@ from steptwin.host.client.stream import Stream
 from steptwin.host.client.waiting import POLL_S
 from steptwin.host.common.arrays import AxisRecords
 from steptwin.host.robots import load_robot
-from steptwin.host.studies.step_methods.kernel import Load
-from steptwin.host.studies.step_methods.motions import AXES, MICROSTEPS, UNITS_PER_STEP
 from steptwin.protocol.frame import COB_SDO_REQUEST, COB_SDO_RESPONSE, FIRST_NODE_ID, Frame
 from steptwin.protocol.pvt import QUEUE_DEPTH
 

@@ -20,10 +20,10 @@ from typing import Any, Final, Literal, Self
 
 import can
 
+from steptwin.bench.step_methods.motions import AXES, MICROSTEPS, UNITS_PER_STEP
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.switches import JointSwitches
-from steptwin.host.studies.step_methods.motions import AXES, MICROSTEPS, UNITS_PER_STEP
 from steptwin.host.twin.live.served_board import ServedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, SWITCH_ON, Mode

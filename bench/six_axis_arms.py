@@ -22,8 +22,7 @@ from steptwin.bench import bench_table
 from steptwin.bench.bulk_speed import BATCH, best_s
 from steptwin.bench.drawer_pull import bare_bus_s
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.arms.chain_geometry import ChainGeometry, axes_of
-from steptwin.features.arms.serial_arm import SerialArm
+from steptwin.features.arms.six_axis_arm import SixAxisArm
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.processes import collect_seldom
@@ -34,6 +33,7 @@ from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
 from steptwin.host.robots.kinematics.base import read_geometry
+from steptwin.host.robots.kinematics.serial.chain_geometry import ChainGeometry, axes_of
 from steptwin.host.robots.poses.rotations import matrix
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.execution import execute
@@ -95,7 +95,7 @@ def _missing() -> Robot:
 
 def _rows(name: str, robot: Robot) -> Iterator[str]:
     kinematics = make_kinematics(robot)
-    assert isinstance(kinematics, SerialArm)
+    assert isinstance(kinematics, SixAxisArm)
     lower, upper = ([getattr(joint, end) for joint in robot.joints] for end in ("lower", "upper"))
     rng = np.random.default_rng(1)
     joints = rng.uniform(lower, upper, (BATCH, len(lower)))

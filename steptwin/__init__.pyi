@@ -1,5 +1,10 @@
 """The public names of StepTwin, each from the module that defines it; `__init__.py` imports them as they are used."""
 
+from steptwin.features.calibration.identification import Identification as Identification
+from steptwin.features.calibration.identification import identify_errors as identify_errors
+from steptwin.features.calibration.measurements import Measurements as Measurements
+from steptwin.features.calibration.measurements import read_measurements as read_measurements
+from steptwin.features.calibration.measurements import simulate_measurements as simulate_measurements
 from steptwin.features.fastest.again import fastest_again as fastest_again
 from steptwin.features.faults.kinds import Scheduled as Scheduled
 from steptwin.features.faults.kinds.bus import Babble as Babble
@@ -83,11 +88,6 @@ from steptwin.host.robots.kinematics import make_kinematics as make_kinematics
 from steptwin.host.robots.kinematics.chain import Chain as Chain
 from steptwin.host.robots.poses import Orientation as Orientation
 from steptwin.host.robots.robot import Robot as Robot
-from steptwin.host.studies.calibration import Identification as Identification
-from steptwin.host.studies.calibration import Measurements as Measurements
-from steptwin.host.studies.calibration import identify_errors as identify_errors
-from steptwin.host.studies.calibration import read_measurements as read_measurements
-from steptwin.host.studies.calibration import simulate_measurements as simulate_measurements
 from steptwin.host.twin.board_under_test import BoardUnderTest as BoardUnderTest
 from steptwin.host.twin.board_under_test import ServedBoardUnderTest as ServedBoardUnderTest
 from steptwin.host.twin.embedded.execution import execute as execute

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
+from random import Random
 from typing import Any, Final
 
 import pytest
@@ -92,6 +93,12 @@ def _no_pictures() -> Iterator[None]:
     """Leave the pictures of each run's folder out, but where a test asks for them by `with_pictures`."""
     with without_pictures():
         yield
+
+
+@pytest.fixture(autouse=True)
+def _same_tokens(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Give hosts the same tokens in each run of a test: a frame's stuffed bits, and so its time, depend on them."""
+    monkeypatch.setattr("secrets.randbelow", Random(1).randrange)
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -1,9 +1,11 @@
 """Write the generated pages of docs/ again: `python -m docs.generate`."""
 
 from docs.generate.command_line import COMMAND_LINE_PAGE, render_command_line
+from docs.generate.drawer_pull_film import write_drawer_pull_film
 from docs.generate.driver_page import DRIVER_PAGE, write_driver_pictures
 from docs.generate.machine_pages import CONTROL_PORT_PAGE, FAULTS_PAGE, MACHINE_PAGE, render_machine_options
 from docs.generate.motion_pictures import write_motion_pictures
+from docs.generate.paper_pages import write_papers
 from docs.generate.pictures import (
     write_calibration_picture,
     write_machine_pictures,
@@ -13,9 +15,8 @@ from docs.generate.pictures import (
 )
 from docs.generate.protocol import PROTOCOL_PAGE
 from docs.generate.robot_drawings import ROBOT_FILES_PAGE, write_robot_drawings
-from docs.generate.robots_page import PAGE, render_robots, write_papers
-from steptwin.controller.motion.backend import fastest_kernel
-from steptwin.host.studies.papers.study import Runs
+from docs.generate.robots_page import PAGE, render_robots
+from docs.generate.runs import Runs
 
 
 def main() -> None:
@@ -29,7 +30,7 @@ def main() -> None:
     PROTOCOL_PAGE.write()
     ROBOT_FILES_PAGE.write()
     write_robot_drawings()
-    runs = Runs(fastest_kernel())
+    runs = Runs()
     PAGE.write_text(render_robots(runs), encoding="utf-8")
     write_pictures(runs)
     write_waveform_pictures(runs)
@@ -37,7 +38,8 @@ def main() -> None:
     write_machine_pictures()
     write_motion_pictures()
     write_warehouse_picture()
-    write_papers(runs)
+    write_papers()
+    write_drawer_pull_film(runs)
 
 
 if __name__ == "__main__":

@@ -7,9 +7,9 @@ import typer
 from typer.core import TyperArgument
 
 from docs.generate.commands import DOCS
+from docs.generate.markdown import code, table
 from steptwin.host.cli.app import CliCommand, command_named, program
 from steptwin.host.cli.commands import command_table
-from steptwin.host.studies.papers.paper_page import code, table
 
 COMMAND_LINE_PAGE: Final = DOCS / "command-line.md"
 _HEAD: Final = """<!-- Made by `make docs` from the commands in host/cli: change those. -->

@@ -9,8 +9,8 @@ from io import StringIO
 from pathlib import Path
 from typing import Final
 
+from docs.generate.markdown import code
 from steptwin.host.cli.app import run
-from steptwin.host.studies.papers.paper_page import code
 
 DOCS: Final = Path(__file__).resolve().parents[1]
 

@@ -8,7 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from docs.generate.commands import DOCS, GeneratedPage, session
-from docs.generate.pictures import write_picture
+from docs.generate.drawing import write_picture
+from docs.generate.markdown import table
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import Int8Array, Int64Array
 from steptwin.emulator.drivers.driver import Driver
@@ -17,7 +18,6 @@ from steptwin.emulator.drivers.excitation import excitations
 from steptwin.emulator.drivers.limits import Rule
 from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
 from steptwin.host.record.plots.canvas import COUNTED, LIMIT
-from steptwin.host.studies.papers.paper_page import table
 from steptwin.protocol.drivers import (
     GENERIC,
     PROFILES,

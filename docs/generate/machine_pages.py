@@ -10,14 +10,14 @@ from math import isinf
 from typing import Any, Final
 
 from docs.generate.commands import DOCS, GeneratedPage, session
-from docs.generate.tables import ROBOTS
+from docs.generate.markdown import table
+from docs.generate.paper_pages import PAPERS
 from steptwin.features.faults.judge import longest_ramp_ms
 from steptwin.features.faults.reaction import Motion, Reaction
 from steptwin.features.faults.reactions import DOCUMENTED
 from steptwin.features.faults.requests import INJECTED, REQUESTS, STATE, does, keys_of, says, usage
 from steptwin.host.common.features import giving
 from steptwin.host.robots import load_robot
-from steptwin.host.studies.papers.paper_page import table
 from steptwin.host.twin.machine.machine_options import SPELLING, MachineOptions
 
 EXAMPLE: Final = DOCS / "examples" / "faults" / "carry.toml"
@@ -76,7 +76,7 @@ def _position(reaction: Reaction) -> str:
 
 
 def _ramps() -> str:
-    rows = [[name, f"{longest_ramp_ms(load_robot(name)):g} ms"] for name in ROBOTS]
+    rows = [[name, f"{longest_ramp_ms(load_robot(name)):g} ms"] for name in PAPERS]
     return table(["robot", "longest ramp"], rows)
 
 

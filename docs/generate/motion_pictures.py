@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from docs.generate.commands import DOCS
-from docs.generate.pictures import write_picture
+from docs.generate.drawing import write_picture
 from steptwin.features.motors.limits import motor_limits
 from steptwin.features.motors.turning import motors_of_run
 from steptwin.host.common.arrays import FloatArray

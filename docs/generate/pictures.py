@@ -1,19 +1,21 @@
 """Draw the pictures of docs/robots.md: three for each run, small enough for a repository."""
 
 import re
-from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from typing import Final
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from docs.generate.commands import DOCS
+from docs.generate.drawing import write_picture
 from docs.generate.robots_page import PICTURE_KINDS, picture
+from docs.generate.runs import Runs
+from steptwin.features.calibration.identification import identify_errors
+from steptwin.features.calibration.measurements import simulate_measurements
+from steptwin.features.calibration.residuals import draw_residuals
 from steptwin.features.motors.sizing.motor_pictures import draw_torque
 from steptwin.features.motors.turning import motors_of_run
 from steptwin.features.shelf import shelf_of
@@ -25,17 +27,12 @@ from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs import compile_program, parse_program
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.record.plots import DEFAULT_VIEW, PICTURES, PlotView
-from steptwin.host.record.plots.canvas import STYLE
 from steptwin.host.robots import MACHINES, load_robot, parse_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.chain import Chain
 from steptwin.host.robots.kinematics.links import Role
 from steptwin.host.robots.new_file import robot_text, with_settings
 from steptwin.host.robots.robot import Robot
-from steptwin.host.studies.calibration import identify_errors, simulate_measurements
-from steptwin.host.studies.calibration.residuals import draw_residuals
-from steptwin.host.studies.papers.drawing import small_png
-from steptwin.host.studies.papers.study import Runs
 from steptwin.host.twin.embedded.execution import execute
 
 _DRAWN: Final = dict(zip(PICTURE_KINDS, ("tool-path", "joints", "error"), strict=True))
@@ -50,14 +47,6 @@ def write_pictures(runs: Runs) -> None:
             path = DOCS / picture(run.robot, run.job, kind)
             path.parent.mkdir(exist_ok=True)
             write_picture(path, partial(PICTURES[name], outcome.comparison, run, DEFAULT_VIEW))
-
-
-def write_picture(path: Path, draw: Callable[[], Figure]) -> None:
-    """Write a small PNG."""
-    with mpl.rc_context(STYLE):
-        figure = draw()
-        figure.align_ylabels()
-        path.write_bytes(small_png(figure))
 
 
 _MACHINE_PICTURES: Final = {
@@ -90,7 +79,7 @@ def write_machine_picture(robot: Robot) -> None:
 _KIND: Final = "calibration-scara"
 _NAME: Final = "my-arm"
 _ERRORS: Final = re.compile(r"^```toml\n(.*?)^```", re.MULTILINE | re.DOTALL)
-_MEASURE: Final = re.compile(r"--poses (\d+) --noise-mm (\S+) --seed (\d+)")
+_MEASURE: Final = re.compile(r"--simulate (\d+) --noise-mm (\S+) --seed (\d+)")
 
 
 def write_calibration_picture() -> None:
@@ -98,7 +87,7 @@ def write_calibration_picture() -> None:
     page = (DOCS / "calibration.md").read_text(encoding="utf-8")
     errors, measure = _ERRORS.search(page), _MEASURE.search(page)
     if not (errors and measure):
-        raise ValueError("docs/calibration.md has no errors.toml, or no steptwin measure")
+        raise ValueError("docs/calibration.md has no errors.toml, or no --simulate")
     text = robot_text(_NAME, _KIND, *with_settings(_KIND, {}))
     nominal, real = (parse_robot(each, _NAME) for each in (text, text + errors[1]))
     measured = simulate_measurements(real, int(measure[1]), float(measure[2]), int(measure[3]))

@@ -4,12 +4,12 @@ from dataclasses import replace
 from typing import Final
 
 from docs.generate.commands import GeneratedPage
+from docs.generate.markdown import code, table
 from steptwin.controller.motion.backend import fastest_kernel
 from steptwin.controller.node.power_states import next_state
 from steptwin.host.client import AxisSettings, Machine, StreamedMotion
 from steptwin.host.common.arrays import AxisRecords
 from steptwin.host.robots import load_robot
-from steptwin.host.studies.papers.paper_page import code, table
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.protocol import od

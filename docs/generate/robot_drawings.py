@@ -11,15 +11,15 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc
 
 from docs.generate.commands import DOCS, GeneratedPage
-from docs.generate.pictures import write_picture
+from docs.generate.drawing import write_picture
+from docs.generate.markdown import table
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.record.plots.in_space import draw_arm_in_space
 from steptwin.host.robots import load_robot, read_robot
 from steptwin.host.robots.kinematics.base import dimensions, meaning
 from steptwin.host.robots.kinematics.hybrid import GUIDE_PART
-from steptwin.host.robots.kinematics.kinds import KINDS
+from steptwin.host.robots.kinematics.kinds import kinds
 from steptwin.host.robots.new_file import robot_text, usual_dimensions, usual_joints, with_settings
-from steptwin.host.studies.papers.paper_page import table
 
 _LINK: Final[dict[str, Any]] = {"color": "#3b4a5a", "linewidth": 7, "solid_capstyle": "round", "zorder": 2}
 _DIMENSION: Final = "#c2410c"
@@ -222,7 +222,7 @@ _DRAWINGS: Final[dict[str, Callable[[], Figure]]] = {
 
 
 def _kind(name: str) -> str:
-    kind = KINDS[name]
+    kind = kinds()[name]
     joints = " ".join(joint.name for joint in usual_joints(name, usual_dimensions(name)))
     rows = [
         [f"`{key}`", meaning(field), _text(field.metadata["usual"])] for key, field in dimensions(kind.geometry).items()
@@ -249,5 +249,5 @@ def _text(value: object) -> str:
 ROBOT_FILES_PAGE: Final = GeneratedPage(
     "robot-files",
     "the kinds' dimensions",
-    {"kinds": lambda _: "\n\n".join(map(_kind, KINDS))},
+    {"kinds": lambda _: "\n\n".join(map(_kind, kinds()))},
 )

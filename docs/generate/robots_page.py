@@ -1,16 +1,14 @@
-"""Render docs/robots.md, of hand-written pieces filled from the robots' files and runs, and the pages of the papers."""
+"""Render docs/robots.md, of hand-written pieces filled from the robots' files and runs."""
 
 from dataclasses import dataclass
 from typing import Final
 
 from docs.generate import tables
 from docs.generate.commands import DOCS, filled, session
-from docs.generate.tables import ROBOTS
+from docs.generate.markdown import table
+from docs.generate.paper_pages import PAPERS
+from docs.generate.runs import Runs
 from steptwin.host.robots import load_robot
-from steptwin.host.studies.papers import PAPERS, evaluated, write_page
-from steptwin.host.studies.papers.drawing import draw_pictures
-from steptwin.host.studies.papers.paper_page import errata_table, page_name, render_page, table
-from steptwin.host.studies.papers.study import Runs
 from steptwin.host.twin.embedded.outcome import Outcome
 from steptwin.host.verify.report import AxisReport, Report
 
@@ -95,7 +93,7 @@ def picture(robot: str, job: str, kind: str) -> str:
 
 def render_robots(runs: Runs) -> str:
     """Return the whole page; it ends with a newline."""
-    pieces = [_NOTICE, _introduction(), *(_robot(name, runs) for name in ROBOTS)]
+    pieces = [_NOTICE, _introduction(), *(_robot(name, runs) for name in PAPERS)]
     return "\n\n".join(pieces) + "\n"
 
 
@@ -117,7 +115,6 @@ def _robot(name: str, runs: Runs) -> str:
             "steptwin": session,
             "options": lambda job: tables.options(robot, job),
             "results": lambda job: results(runs.outcome(name, job)),
-            "errata": lambda _: errata_table(PAPERS[name]),
             "pictures": lambda job: _pictures(name, job),
         },
     )
@@ -130,20 +127,3 @@ def _pictures(robot: str, job: str) -> str:
         f"![Tool path of {robot} {job}, planned and counted]({path})\n\n"
         f"Also: [planned joint motion]({joints}), [counted minus planned]({error})."
     )
-
-
-PAPERS_FOLDER: Final = DOCS / "papers"
-
-
-def write_papers(runs: Runs) -> None:
-    """Write all pages; delete the pictures that no page shows any more."""
-    PAPERS_FOLDER.mkdir(exist_ok=True)
-    drawn = set()
-    for name, paper in PAPERS.items():
-        page = evaluated(paper, runs)
-        pictures = draw_pictures(page, runs)
-        write_page(PAPERS_FOLDER, name, render_page(page), pictures)
-        drawn |= {page_name(name), *pictures}
-    for path in PAPERS_FOLDER.iterdir():
-        if path.name not in drawn:
-            path.unlink()

@@ -4,17 +4,13 @@ import re
 from dataclasses import dataclass
 from typing import Final
 
+from docs.generate.markdown import table
+from docs.generate.paper_pages import PAPERS
 from steptwin.host.planning.jobs import job_options
 from steptwin.host.robots import brought_text
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.dh import Convention
 from steptwin.host.robots.robot import Robot
-from steptwin.host.studies.papers.paper_page import table
-from steptwin.host.studies.papers.study import dh_columns, dh_rows
-
-ROBOTS: Final = ("lab-scara", "warehouse-scara", "teaching-scara", "calibration-scara", "hybrid-arm")
-"""The robots of papers, in the order of the page; docs/machines.md has the others."""
-
 
 _SECTION: Final = re.compile(r"\[([\w.-]+)\](?:\s*#\s*(.*))?")
 _ENTRY: Final = re.compile(r"(\w+)\s*=\s*(.*?)(?:\s+#\s*(?:(\[[SDA]\])\s*)?(.*))?")
@@ -54,17 +50,26 @@ def read_robot_file(robot: str) -> dict[str, Section]:
     return sections
 
 
-_DH_TITLES: Final = {
-    Convention.STANDARD.value: "Standard (distal) DH parameters",
-    Convention.MODIFIED.value: "Modified (Craig, proximal) DH parameters",
-}
+_DH: Final = {
+    Convention.STANDARD: (
+        "Standard (distal) DH parameters", "theta_i deg", "d_i mm", "a_i mm", "alpha_i deg",
+    ),
+    Convention.MODIFIED: (
+        "Modified (Craig, proximal) DH parameters", "alpha_i-1 deg", "a_i-1 mm", "d_i mm", "theta_i deg",
+    ),
+}  # fmt: skip
+"""For each convention its name, and the columns in their usual order."""
 
 
 def dh_table(robot: Robot) -> str:
     """Return the DH parameters, with columns in the usual order of the mechanism's convention."""
-    convention, columns = dh_columns(robot.name)
-    rows = table(columns, dh_rows(make_kinematics(robot)))
-    return f"{_DH_TITLES[convention]}, from the world to the tool:\n\n{rows}"
+    dh = make_kinematics(robot).dh
+    rows = []
+    for i, row in enumerate(dh.rows, start=1):
+        cells = [f"{row.alpha_deg:g}", f"{row.a_mm:g}", str(row.d_mm), str(row.theta_deg)]
+        rows.append([str(i), *(cells if dh.convention is Convention.MODIFIED else reversed(cells))])
+    title, *columns = _DH[dh.convention]
+    return f"{title}, from the world to the tool:\n\n{table(['i', *columns], rows)}"
 
 
 def dimensions(robot: Robot) -> str:
@@ -74,7 +79,7 @@ def dimensions(robot: Robot) -> str:
 
 def board() -> str:
     """Return the board's settings; raise ValueError if they are not the same for all robots of papers."""
-    boards = [read_robot_file(name)["board"] for name in ROBOTS]
+    boards = [read_robot_file(name)["board"] for name in PAPERS]
     if any(other != boards[0] for other in boards):
         raise ValueError("the robots' boards differ: describe each with its robot")
     return _entries(boards[0])

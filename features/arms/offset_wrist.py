@@ -16,9 +16,6 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.features.arms.chain_geometry import ArmAxes
-from steptwin.features.arms.levenberg import Found, NumericInverse
-from steptwin.features.arms.screws import Screws
 from steptwin.features.arms.spherical_wrist import (
     Solved,
     SphericalWrist,
@@ -28,6 +25,9 @@ from steptwin.features.arms.spherical_wrist import (
     wrist_miss_mm,
 )
 from steptwin.host.common.arrays import BoolArray, FloatArray
+from steptwin.host.robots.kinematics.serial.chain_geometry import ArmAxes
+from steptwin.host.robots.kinematics.serial.levenberg import Found, NumericInverse
+from steptwin.host.robots.kinematics.serial.screws import Screws
 from steptwin.host.robots.poses.rotations import angle_deg, product, reversed_rotation, turned, wrapped_deg
 
 MISS_PART_MAX: Final = 0.15

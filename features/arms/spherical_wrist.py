@@ -23,9 +23,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from steptwin.features.arms.chain_geometry import ArmAxes
 from steptwin.features.arms.wrist_rates import Column, ConstantAxis, Vectors, WristRates, constant, weighted
 from steptwin.host.common.arrays import BoolArray, FloatArray
+from steptwin.host.robots.kinematics.serial.chain_geometry import ArmAxes
 
 MISS_MAX_MM: Final = 1e-4
 """Distance by which the wrist's axes may miss each other: the rounding of angles in files."""

@@ -24,8 +24,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from steptwin.features.arms.chain_geometry import ArmAxes
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.robots.kinematics.serial.chain_geometry import ArmAxes
 
 Column = FloatArray
 """A component of vectors, of shape (n,)."""

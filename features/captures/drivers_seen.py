@@ -17,13 +17,13 @@ from steptwin.emulator.board.inputs import BoardInputs
 from steptwin.emulator.drivers.driver_bank import SUPPLIES, DriverBank
 from steptwin.emulator.drivers.driver_module import Module
 from steptwin.features.captures.channel_map import AxisSignals
-from steptwin.features.captures.clock_fit import ClockFit
 from steptwin.features.captures.limits_read import LimitAnswer, answers, grades_of, read_within
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.drivers import driver_profile, fitted_module, switched_microsteps
 from steptwin.host.twin.machine.evidence import axis_evidence, level_edges, with_instants
 from steptwin.host.verify import AxisEvidence, Evidence
+from steptwin.host.verify.clock_fit import ClockFit
 from steptwin.protocol.drivers import ActiveEdge, Grade
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 

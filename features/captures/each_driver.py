@@ -11,12 +11,12 @@ import numpy as np
 
 from steptwin.features.captures.capture import Capture
 from steptwin.features.captures.channel_map import AxisSignals
-from steptwin.features.captures.clock_fit import ClockFit
 from steptwin.features.captures.drivers_seen import Reading, counted_for_certain, drivers_of
 from steptwin.features.captures.judging import CapturedRun, CaptureJudge, judge_alone, judge_capture, slack_counts
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import AxisEvidence
+from steptwin.host.verify.clock_fit import ClockFit
 from steptwin.host.verify.counted import powerless_steps
 from steptwin.protocol.drivers import driver_names
 from steptwin.protocol.timer import COUNTS_PER_SECOND

@@ -14,8 +14,6 @@ import numpy as np
 
 from steptwin.features.captures.capture import Capture
 from steptwin.features.captures.channel_map import AxisSignals, ChannelMap, wired
-from steptwin.features.captures.clock_fit import ClockFit, fit_clock
-from steptwin.features.captures.clock_line import SeenSteps
 from steptwin.features.captures.drivers_seen import ONE_CLOCK, Reading, Seen, at_active_edges, drivers_of, see
 from steptwin.features.captures.limits_read import Kept, LimitAnswer
 from steptwin.host.common.arrays import FloatArray, Int8Array, Int64Array
@@ -33,6 +31,8 @@ from steptwin.host.verify import (
     powerless_reasons,
     verify_comparison,
 )
+from steptwin.host.verify.clock_fit import ClockFit, fit_clock
+from steptwin.host.verify.clock_line import SeenSteps
 from steptwin.host.verify.counted import pulse_facts
 from steptwin.host.verify.gates import TOLERANCE_STEPS
 from steptwin.host.verify.net_counts import WHOLE_STEPS

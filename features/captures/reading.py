@@ -13,12 +13,12 @@ from typing import BinaryIO, Final, cast
 from steptwin.features.captures.binary_files import MAGIC, rate_of, read_saleae, read_session
 from steptwin.features.captures.capture import Capture, Channel
 from steptwin.features.captures.channel_map import AxisSignals, ChannelMap, capture_facts, wired
-from steptwin.features.captures.clock_fit import ClockFit, fit_clock
 from steptwin.features.captures.text_files import read_csv, read_vcd
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import GIB, check_size
 from steptwin.host.common.own_files import only_files
+from steptwin.host.verify.clock_fit import ClockFit, fit_clock
 
 __all__ = [
     "AxisSignals",

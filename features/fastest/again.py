@@ -14,24 +14,23 @@ import numpy as np
 import scipy
 
 from steptwin.features.fastest.chain import AVERAGE_S, ChainDrives, driven, timed_chains
-from steptwin.features.fastest.corners import CornerError, JointLeg, MotionLeg, ToolLeg
-from steptwin.features.fastest.drives import DriveLimits, PathLoad
+from steptwin.features.fastest.corners import JointLeg, MotionLeg, ToolLeg
+from steptwin.features.fastest.drives import PathLoad
 from steptwin.features.fastest.executed import timed
-from steptwin.features.fastest.pieces import FollowedPath, JointPiece, Pace, PiecewisePath
+from steptwin.features.fastest.pieces import FollowedPath, JointPiece, PiecewisePath
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.planning_time import check_planning_time, in_planning_time
+from steptwin.host.planning.drives import DriveLimits
 from steptwin.host.planning.motions.composer import Sequence, Standstill
 from steptwin.host.planning.motions.joint_move import JointMove
 from steptwin.host.planning.motions.tool_move import ToolMove
+from steptwin.host.planning.motions.whole import FASTEST, CornerError, Pace
 from steptwin.host.planning.peaks import check_length
 from steptwin.host.planning.trajectory import REST_TOLERANCE, Trajectory, expected_of, states, waits_of
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
-
-FASTEST: Final = "fastest"
-"""The value of a `law` that stands for this timing."""
 
 _OFF_STEPS: Final = 0.002
 """Distance in steps of a motor up to which the curve by its length may be off the motion."""

@@ -15,13 +15,15 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from steptwin.features.fastest.corners import CornerError, Flow, MotionLeg, RoundedLegs, flowing
-from steptwin.features.fastest.drives import DriveLimits, DrivesOnPath, LoadChange, PathLoad
+from steptwin.features.fastest.corners import Flow, MotionLeg, RoundedLegs, flowing
+from steptwin.features.fastest.drives import DrivesOnPath, LoadChange, PathLoad
 from steptwin.features.fastest.executed import LimitedPath, TimedPath, UntimedError, timed
 from steptwin.features.fastest.rows import PathRates
 from steptwin.features.fastest.worthwhile_stops import StoppingPath, doubtful, worthwhile
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.planning_time import check_planning_time
+from steptwin.host.planning.drives import DriveLimits
+from steptwin.host.planning.motions.whole import CornerError
 from steptwin.host.planning.peaks import TooLongError
 from steptwin.host.robots.robot import Robot
 
@@ -74,9 +76,10 @@ def driven(
 def drives_along(limits: DriveLimits, rates: PathRates, load: PathLoad) -> DrivesOnPath:
     """Return the drives on a path; raise WeakDrivesError if weights alone need too much."""
     try:
-        return limits.along(rates, load)
+        drives: DrivesOnPath = limits.along(rates, load)
     except InputError as error:
         raise WeakDrivesError(str(error)) from error
+    return drives
 
 
 AVERAGE_S: Final = 0.05

@@ -15,12 +15,12 @@ import numpy as np
 import scipy
 
 from steptwin.features.fastest.flow_path import FlowPath
-from steptwin.features.fastest.pieces import FollowedPath, JointPiece, Pace, PathPiece, PiecewisePath, ToolPiece
+from steptwin.features.fastest.pieces import FollowedPath, JointPiece, PathPiece, PiecewisePath, ToolPiece
 from steptwin.features.fastest.tool_rounding import ToolRounding
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import at_most
-from steptwin.host.common.errors import InputError
 from steptwin.host.common.planning_time import check_planning_time
+from steptwin.host.planning.motions.whole import CornerError, Pace
 from steptwin.host.planning.paths import Oriented, StraightLine, ToolPath
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import tool_places_mm
@@ -212,14 +212,6 @@ class Flow:
         s = np.linspace(from_s, until_s, _PASS_PLACES)
         places = tool_places_mm(make_kinematics(self.path.robot), np.vstack([leg.joints_at(at), self.path.at(s)[0]]))
         return float(s[np.argmin(np.linalg.norm(places[1:] - places[0], axis=1))])
-
-
-class CornerError(InputError):
-    """A corner cannot be rounded so; `corner` is its number among those of the motion, from 0 on."""
-
-    def __init__(self, corner: int, message: str) -> None:
-        super().__init__(message)
-        self.corner = corner
 
 
 class _Rounding(NamedTuple):

@@ -12,12 +12,13 @@ from typing import Final, NamedTuple, Protocol
 import numpy as np
 
 from steptwin.features.fastest.averaged import NO_STOPS, Averaged
-from steptwin.features.fastest.drives import DriveAnswer, DrivesOnPath
+from steptwin.features.fastest.drives import DrivesOnPath
 from steptwin.features.fastest.rows import PathLimits, PathRates, Rows, with_axes
 from steptwin.features.fastest.solve import Solver, fastest_squares
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.planning_time import check_planning_time
+from steptwin.host.planning.drives import DriveAnswer
 from steptwin.host.planning.motions.sampled import Sampled
 from steptwin.host.planning.peaks import check_length
 from steptwin.host.planning.trajectory import DEFAULT_POINT_MS

@@ -12,6 +12,7 @@ from steptwin.features.fastest.rows import PathLimits, PathRates
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.planning.motions.tool_move import check_start, followed
+from steptwin.host.planning.motions.whole import Pace
 from steptwin.host.planning.paths import FreeAttitude, OutOfReachError, ToolPath
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
@@ -164,21 +165,6 @@ def _check_jumps(
         f"{where(float(guide_mm[row]))} the tool's path breaks off: {robot.joints[axis].name} would turn by"
         f" {turned[axis]:.3g} deg on {guide_mm[row + 1] - guide_mm[row]:.1g} mm, {near}"
     )
-
-
-@dataclass(frozen=True, slots=True)
-class Pace:
-    """What limits a piece of a path.
-
-    Attributes:
-        percent: percentage of the limits of joints and axes, above 0 and up to 100.
-        tool_mm_s: highest speed of the tool; infinite without one.
-        tool_deg_s: highest speed at which it turns in space; infinite without one.
-    """
-
-    percent: float = 100.0
-    tool_mm_s: float = np.inf
-    tool_deg_s: float = np.inf
 
 
 class PathPiece(Protocol):

@@ -1,9 +1,19 @@
-"""G-code for tool paths: blocks, modal words, and cuts without a stop."""
+"""G-code for tool paths: blocks, modal words, and cuts without a stop; the step `gcode` of programs."""
 
-from typing import Final
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Final
 
 from steptwin.host.common.features import Feature
 
-FEATURE: Final = Feature(
-    name="gcode",
-)
+if TYPE_CHECKING:
+    from steptwin.host.planning.programs.program_file import StepReading
+
+
+def _program_steps() -> "Mapping[str, StepReading]":
+    from steptwin.features.gcode.gcode_step import GCODE_KEYS, GcodeStep
+    from steptwin.host.planning.programs.program_file import StepReading
+
+    return {"gcode": StepReading(GCODE_KEYS, GcodeStep.read)}
+
+
+FEATURE: Final = Feature(name="gcode", needs=("fastest",), program_steps=_program_steps)

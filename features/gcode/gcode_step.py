@@ -1,7 +1,7 @@
 """A step that leads the tool as a file of G-code says."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Final
@@ -24,10 +24,11 @@ from steptwin.host.common.tables import Table
 from steptwin.host.planning import checks
 from steptwin.host.planning.motions.tool_move import present_branch
 from steptwin.host.planning.no_way import NO_WAY
-from steptwin.host.planning.programs.flowing import check_none_gathered, switch_on_way
+from steptwin.host.planning.programs.flow import check_none_gathered, switch_on_way
 from steptwin.host.planning.programs.moves import Moves
 from steptwin.host.planning.programs.paces import SPEED_PERCENT, JointPace, LawName, OnTheWay, ToolPace, check_blend
 from steptwin.host.planning.programs.pallets import STATION_FRAME, WorkFrame
+from steptwin.host.planning.programs.program_file import Usual
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.poses import SCARA
 from steptwin.host.robots.robot import Robot
@@ -67,17 +68,17 @@ class GcodeStep:
     pace: JointPace
 
     @classmethod
-    def read(cls, table: Table, text_of: Callable[[str], str], frames: Mapping[str, WorkFrame | None]) -> "GcodeStep":
-        """Return the step of a table, whose file `text_of` reads.
+    def read(cls, table: Table, usual: Usual) -> "GcodeStep":
+        """Return the step of a table.
 
         Raises InputError for a wrong key, or with file, line and word for the file.
         """
         name = table.text("gcode", empty=False)
         frame = STATION_FRAME
         if "frame" in table:
-            named = frames.get(table.text("frame", empty=False))
+            named = usual.frames.get(table.text("frame", empty=False))
             if named is None:
-                raise unknown("frame:", table.text("frame"), frames)
+                raise unknown("frame:", table.text("frame"), usual.frames)
             frame = named
         blend_mm = table.number("blend_mm") if "blend_mm" in table else 0.0
         check_blend(blend_mm)
@@ -87,7 +88,7 @@ class GcodeStep:
         percent = table.number("speed_percent") if "speed_percent" in table else SPEED_PERCENT
         outputs = _outputs(table)
         with prefixed(f"{name}: "):
-            blocks = read_blocks(text_of(name))
+            blocks = read_blocks(usual.text_of(name))
             _check_outputs(blocks, outputs)
         tool_mm = table.number("tool_mm") if "tool_mm" in table else 0.0
         return cls(name, blocks, frame, tool_mm, feed_max_mm_s, blend_mm, outputs, JointPace(LawName.FASTEST, percent))

@@ -96,6 +96,7 @@ def _run_options() -> "type[MotorRunHook]":
 
 FEATURE: Final = Feature(
     name=NAME,
+    needs=("fastest",),
     check_machine=_check_machine,
     machine_warnings=_machine_warnings,
     machine_options=_machine_options,

@@ -3,18 +3,14 @@
 Pull-out torques, arms and rotors need the emulator, so they are imported when they are asked for.
 """
 
-from typing import TYPE_CHECKING
-
 from steptwin.features.motors.limits import motor_forecast, motor_limits
+from steptwin.host.planning.drives import DriveLimits
 from steptwin.host.planning.plan import HighestSpeed, Plan
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
 
-if TYPE_CHECKING:
-    from steptwin.features.fastest.drives import DriveLimits
 
-
-def limits(robot: Robot, left_percent: float) -> "DriveLimits":
+def limits(robot: Robot, left_percent: float) -> DriveLimits:
     """Return what a robot's motors allow; raises as `motor_limits`."""
     return motor_limits(robot, left_percent)
 

@@ -1,11 +1,23 @@
 """URDF files of ROS: robots of the kind chain are made of them and written as them."""
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from steptwin.host.common.features import COMMAND_GROUPS, CommandRow, Feature
 
+if TYPE_CHECKING:
+    from steptwin.features.urdf.command import UrdfOptions
+
+
+def _new_options() -> "type[UrdfOptions]":
+    from steptwin.features.urdf.command import UrdfOptions
+
+    return UrdfOptions
+
+
 FEATURE: Final = Feature(
     name="urdf",
+    needs=("arms",),
+    new_options=_new_options,
     commands=(
         CommandRow(
             "urdf",

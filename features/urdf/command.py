@@ -1,12 +1,40 @@
-"""`steptwin urdf ROBOT`: describe a robot for ROS tools."""
+"""`steptwin urdf ROBOT`: describe a robot for ROS tools; and `steptwin new FILE --urdf FILE`."""
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import Replace, RobotFile, RobotName, RobotOptions, keep_files
-from steptwin.host.cli.options import option
+from steptwin.host.cli.options import given_options, option, switch
 from steptwin.host.cli.output import print_text, say
+from steptwin.host.common.errors import InputError
 from steptwin.host.common.whole_file import write_whole
+
+if TYPE_CHECKING:
+    from steptwin.host.robots.new_file import NewRobot
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UrdfOptions:
+    """The options of a robot made of a URDF."""
+
+    urdf: str | None = option("FILE", "URDF with the joints of an arm: makes a chain of them.")
+    tip: str | None = option("LINK", "With --urdf: the tool's link; by default the only leaf that needs no mimic.")
+    base: str | None = option("LINK", "With --urdf: the link that stands; by default the root.")
+    snap: bool = switch("With --urdf: make angles exact within 2e-5 rad of multiples of 15 deg.")
+
+    def robot(self, name: str, kind: str | None, given: dict[str, str]) -> "NewRobot | None":
+        """Return the robot of the URDF; None without one. Raises InputError for options that do not go together."""
+        from steptwin.features.urdf.urdf_robot import KIND, UrdfSource
+
+        if self.urdf is None:
+            if alone := next(iter(given_options(self)), None):
+                raise InputError(f"{alone}: is for a robot made of a URDF: give --urdf FILE")
+            return None
+        if kind not in (None, KIND):
+            raise InputError(f"--kind {kind}: a URDF makes a {KIND}: leave --kind out")
+        return UrdfSource(self.urdf, self.tip, self.base, self.snap).robot(name, given)
 
 
 @command("my-arm.toml > my-arm.urdf", "my-arm.toml --out my-arm.urdf")

@@ -13,11 +13,11 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.features.arms.chain_geometry import Notation
-from steptwin.features.arms.rows import FixedFrame
 from steptwin.features.urdf.urdf_tree import FIXED, MOVING, UrdfJoint, UrdfTree
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
+from steptwin.host.robots.kinematics.serial.chain_geometry import Notation
+from steptwin.host.robots.kinematics.serial.rows import FixedFrame
 from steptwin.host.robots.poses.rotations import matrix
 from steptwin.host.robots.robot import Dimension
 

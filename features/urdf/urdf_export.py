@@ -13,8 +13,6 @@ from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
 import numpy as np
 
-from steptwin.features.arms.chain_geometry import ChainGeometry, Notation
-from steptwin.features.arms.rows import FixedFrame
 from steptwin.features.urdf.urdf_chain import frame_of
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
@@ -22,6 +20,8 @@ from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics.base import read_geometry
 from steptwin.host.robots.kinematics.dh import Convention, DhTable
 from steptwin.host.robots.kinematics.kinds import kind_named
+from steptwin.host.robots.kinematics.serial.chain_geometry import ChainGeometry, Notation
+from steptwin.host.robots.kinematics.serial.rows import FixedFrame
 from steptwin.host.robots.robot import Robot
 
 TIP: Final = "tool0"

@@ -6,8 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.features.arms.chain_geometry import JOINTS_MAX, TASKS, ArmAxes, axes_of
-from steptwin.features.arms.serial_arm import SerialArm
+from steptwin.features.arms.six_axis_arm import SixAxisArm
 from steptwin.features.arms.spherical_wrist import MISS_MAX_MM, TILT_MAX, wrist_miss_mm
 from steptwin.features.urdf.urdf_chain import ChainMove, UrdfChain, chain_of
 from steptwin.features.urdf.urdf_tree import read_urdf
@@ -19,7 +18,8 @@ from steptwin.host.common.own_files import read_text
 from steptwin.host.robots import read_robot
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics.kinds import make_kinematics
-from steptwin.host.robots.new_file import DRIVER_PROFILE, robot_text
+from steptwin.host.robots.kinematics.serial.chain_geometry import JOINTS_MAX, TASKS, ArmAxes, axes_of
+from steptwin.host.robots.new_file import DRIVER_PROFILE, NewRobot, robot_text
 from steptwin.host.robots.new_joint import NewJoint, board_with, read_joint
 from steptwin.host.robots.robot import Dimension
 
@@ -28,23 +28,6 @@ _RATIO: Final = 20.0
 _LEAD_MM: Final = 8.0
 _MICROSTEPS: Final = 8
 """Placeholders until the user says what the machine has: a gear of 20, a screw of 8 mm, an eighth of a step."""
-
-
-@dataclass(frozen=True, slots=True)
-class RobotOfUrdf:
-    """A robot file made of a URDF.
-
-    Attributes:
-        text: the text of the file.
-        geometry: the keys of its [kinematics].
-        joints: the names of its joints.
-        notes: what its user should know, a line each.
-    """
-
-    text: str
-    geometry: Mapping[str, Dimension]
-    joints: tuple[str, ...]
-    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +46,7 @@ class UrdfSource:
     base: str | None = None
     snap: bool = False
 
-    def robot(self, name: str, settings: Mapping[str, str]) -> RobotOfUrdf:
+    def robot(self, name: str, settings: Mapping[str, str]) -> NewRobot:
         """Return the robot file; raise InputError, with the file or the setting, for what is wrong.
 
         Args:
@@ -80,7 +63,7 @@ class UrdfSource:
             _check_held(geometry)
             text = robot_text(name, KIND, geometry, list(joints))
         notes = (*_notes_on_inverse(text), *chain.notes, *_to_fill_in(chain, joints, settings))
-        return RobotOfUrdf(text, geometry, tuple(joint.name for joint in joints), notes)
+        return NewRobot(text, KIND, geometry, tuple(joint.name for joint in joints), notes)
 
 
 def _new_joint(move: ChainMove) -> NewJoint:
@@ -160,7 +143,7 @@ def _notes_on_inverse(text: str) -> Iterator[str]:
     """Yield how poses become joints, and by how much the wrist's axes miss each other if they do."""
     robot = read_robot(text)
     kinematics = make_kinematics(robot)
-    assert isinstance(kinematics, SerialArm)
+    assert isinstance(kinematics, SixAxisArm)
     words = f"inverse kinematics {kinematics.inverse_words}"
     yield words
     miss_mm = _wrist_miss_mm(axes_of(kinematics.dh, robot.joint_names))

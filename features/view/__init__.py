@@ -8,12 +8,6 @@ FEATURE: Final = Feature(
     name="view",
     commands=(
         CommandRow(
-            "animate",
-            COMMAND_GROUPS[3],
-            "Show a stored run as a moving picture: the arm, its planned path and the counted one, error magnified.",
-            "steptwin.features.view.command",
-        ),
-        CommandRow(
             "view",
             COMMAND_GROUPS[3],
             "Replay a stored run in a browser, until Ctrl-C: arm, joints, pins, currents and marks at any instant.",

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from steptwin.features.view.marks import RunMark, bus_marks, output_marks, violation_marks
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.errors import InputError
-from steptwin.host.record.animation import extent_mm, shown_boxes
 from steptwin.host.record.folder import BUS_LOG, StoredRun, read_run
 from steptwin.host.record.folder.layout import existing_file
 from steptwin.host.record.path_error import PathError, path_error
 from steptwin.host.record.recorded_machine import RecordedMachine
 from steptwin.host.record.waveforms import Changes, Signal, phases, pins, whole_record
+from steptwin.host.robots.kinematics import Role
 from steptwin.host.robots.poses import Task
 from steptwin.host.verify.switching import output_changes
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -239,9 +239,25 @@ class Replay:
 
     @cached_property
     def extent_mm(self) -> FloatArray:
-        """The points that a view of the run must hold, shape (n, 3)."""
+        """The points that a view of the run must hold, shape (n, 3), all of them finite.
+
+        A mechanism that its counts pull apart has no place. Guides that are longer than all that moves, such as a rail,
+        are left out, and boxes unless one of them moves.
+        """
         times_s = np.linspace(0.0, self.run.duration_s, _EXTENT_INSTANTS)
-        return extent_mm(self.machine.links(times_s), shown_boxes(self.machine, times_s), self.path, self.path.gain)
+        parts, shifts_mm = self.machine.links(times_s), self.machine.box_shifts_mm(times_s)
+        moving = [part.points_mm.reshape(-1, 3) for part in parts if part.role is not Role.GUIDE]
+        shown = _finite(np.concatenate([*moving, self.path.planned_mm, self.path.counted_mm(self.path.gain)]))
+        size_mm = np.linalg.norm(np.ptp(shown, axis=0))
+        guides = [part.points_mm for part in parts if part.role is Role.GUIDE]
+        short = [points.reshape(-1, 3) for points in guides if _length_mm(points) <= size_mm]
+        corners = [
+            (self.run.robot.boxes[name].edges_mm + shift).reshape(-1, 3)
+            for name, shifts in shifts_mm.items()
+            for shift in (shifts.min(axis=0), shifts.max(axis=0))
+        ]
+        moved = any(shifts.any() for shifts in shifts_mm.values())
+        return _finite(np.concatenate([shown, *short, *(corners if moved else ())]))
 
     def _joints(self, t_s: FloatArray, planned: FloatArray, counted: FloatArray) -> tuple[JointRow, ...]:
         expected = self.run.comparison.expected
@@ -317,3 +333,12 @@ class RunPair:
         t_s = np.linspace(0.0, max(self.first.run.duration_s, self.second.run.duration_s), _COURSE_INSTANTS)
         first, second = (replay.machine.counted_poses(t_s)[:, :3] for replay in (self.first, self.second))
         return Course(t_s, np.linalg.norm(second - first, axis=1))
+
+
+def _finite(points_mm: FloatArray) -> FloatArray:
+    return points_mm[np.isfinite(points_mm).all(axis=1)]
+
+
+def _length_mm(points_mm: FloatArray) -> float:
+    """Return the distance between the ends of a part, the greatest of all instants."""
+    return float(np.linalg.norm(points_mm[:, -1] - points_mm[:, 0], axis=1).max())

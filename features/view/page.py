@@ -20,10 +20,12 @@ from steptwin.features.view.marks import RunMark, time_words
 from steptwin.features.view.markup import MARK_COLOURS, currents_picture, joint_table, pins_picture, strip_picture
 from steptwin.features.view.model import PATH_INSTANTS, Edge, Instant, Replay, RunPair, Span
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.record.animation import SPEEDS
 from steptwin.host.record.path_error import run_name
 from steptwin.host.robots.kinematics.marks import Skeleton
 from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+SPEEDS: Final = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
+"""Speeds that a user can choose, as factors of real time."""
 
 
 class Player:

@@ -28,30 +28,6 @@ COMMANDS: Final = (
         f"{_CLI}.robots.workspace",
     ),
     CommandRow(
-        "paper",
-        _ROBOTS,
-        "Go through the paper of a robot, item by item: its numbers, ours, and its misprints as printed and corrected.",
-        f"{_CLI}.robots.paper",
-    ),
-    CommandRow(
-        "sensitivity",
-        _ROBOTS,
-        "Compute how far an error of each DH parameter takes the tool: the error transfer coefficients at a position.",
-        f"{_CLI}.robots.calibrate",
-    ),
-    CommandRow(
-        "measure",
-        _ROBOTS,
-        "Simulate measurements of the tool for `calibrate`: random poses of a robot with errors in its DH parameters.",
-        f"{_CLI}.robots.calibrate",
-    ),
-    CommandRow(
-        "calibrate",
-        _ROBOTS,
-        "Find the real DH parameters of a machine from where its tool was measured, and what that cannot tell.",
-        f"{_CLI}.robots.calibrate",
-    ),
-    CommandRow(
         "new",
         _RUN,
         "Write the file of a robot of your own, with comments: kind, dimensions, ranges and transmissions.",
@@ -74,18 +50,6 @@ COMMANDS: Final = (
         _RUN,
         "Verify a stored run again: same verdict and exit code as the run, or 1 if its files were changed.",
         f"{_CLI}.run.verify",
-    ),
-    CommandRow(
-        "capture",
-        _RUN,
-        "Tell what a logic analyser has recorded: channels, their shortest pulses, and which look like STEP and DIR.",
-        f"{_CLI}.run.verify",
-    ),
-    CommandRow(
-        "bench",
-        _RUN,
-        "Compare the kernel's step timing with a DDA, Bresenham and Austin's ramp on the same motions.",
-        f"{_CLI}.run.bench",
     ),
     CommandRow("serve", _LIVE, "Run a robot's board, or several, in real time until Ctrl-C.", f"{_CLI}.live.serve"),
     CommandRow(
@@ -158,12 +122,6 @@ COMMANDS: Final = (
         _LIVE,
         "List the digital outputs by their names in the robot's file, or switch one.",
         f"{_CLI}.live.halting",
-    ),
-    CommandRow(
-        "convert",
-        _FILES,
-        "Write the motions of an AR4's or a PAROL6's program as a program of StepTwin: moves and pauses, step by step.",
-        f"{_CLI}.files.convert",
     ),
     CommandRow(
         "trace",

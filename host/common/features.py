@@ -10,12 +10,16 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol
 
 if TYPE_CHECKING:
+    from steptwin.controller.motion.backend import Kernel
     from steptwin.emulator.simulation import Participant, Simulation
-    from steptwin.features.fastest.drives import DriveLimits
     from steptwin.host.common.tables import Reading, Table
+    from steptwin.host.planning.drives import DriveLimits
     from steptwin.host.planning.jobs.job import Job
+    from steptwin.host.planning.motions.whole import MotionTimer
     from steptwin.host.planning.plan import HighestSpeed, Plan
+    from steptwin.host.planning.programs.program_file import StepReading
     from steptwin.host.planning.trajectory import Trajectory
+    from steptwin.host.robots.kinematics.kinds import Kind
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.machine.machine_options import MachineOptions
     from steptwin.host.verify.comparison import Comparison
@@ -149,10 +153,14 @@ class Feature:
 
     Attributes:
         name: name of the feature, of its table in robot files, of its key in report.json, of its file in run folders.
+        needs: the features that it imports.
         section: reads its table of a robot file.
         robot_tables: returns tables that belong to the file of a robot that StepTwin brings, by the robot's name.
+        timer: returns what times motions as a whole: those with `law = "fastest"` or `blend_mm`.
+        program_steps: returns what reads its steps of program files, by their verbs.
         program_keys: reads its keys of program files; the values become the trajectory's `expects`.
         check_program: raises InputError for such a value, by its key, that a robot cannot fulfil.
+        kinematics: returns its kinds of mechanisms, by name; one that has the name of another kind replaces it.
         jobs: returns its jobs, by the kind of mechanism; one that has the name of another job replaces it.
         job_extra: returns its options of an emulated machine for a job's intent; None if the intent is not its own.
         check_robot: returns warnings about a robot, for `steptwin check`.
@@ -163,6 +171,7 @@ class Feature:
         machine_options: returns the class of its options of an emulated machine: a frozen dataclass whose fields have
             spellings, with a method `over` as that of `MachineOptions`.
         replayed: returns such options from a stored report; None if the run had none.
+        kernels: returns what makes its forms of the firmware's kernel, by name; they raise InputError if they cannot.
         part: returns its part of a machine from robot, joints at power-up, axes of each board, options and the inputs
             for which the motion waits (None: unknown); None if the machine has no such part.
         expected: returns what a motion is planned to leave, from robot, trajectory and options; None for nothing.
@@ -170,15 +179,21 @@ class Feature:
         live: returns what it says of a served board.
         drive_model: returns what it knows of drives, for planning; the first feature that has one is asked.
         run_options: returns a dataclass of options of `steptwin run`: a `RunHook`.
+        verify_options: returns a dataclass of options of `steptwin verify`: an `OtherEvidence`.
+        new_options: returns a dataclass of options of `steptwin new`: a `RobotSource`.
         report_lines: returns lines of text for its part of a run's document.
         commands: its commands.
     """
 
     name: str
+    needs: Sequence[str] = ()
     section: "Reading | None" = None
     robot_tables: Callable[[str], str] | None = None
+    timer: "Callable[[], MotionTimer] | None" = None
+    program_steps: "Callable[[], Mapping[str, StepReading]] | None" = None
     program_keys: "Mapping[str, Reading]" = field(default_factory=dict)
     check_program: "Callable[[Robot, str, Any], None] | None" = None
+    kinematics: "Callable[[], Mapping[str, Kind]] | None" = None
     jobs: "Callable[[], Mapping[str, Sequence[Job[Any]]]] | None" = None
     job_extra: "Callable[[Robot, Any], Any] | None" = None
     check_robot: "Callable[[Robot], Iterable[str]] | None" = None
@@ -187,12 +202,15 @@ class Feature:
     machine_warnings: "Callable[[Robot, DriverProfile, Any], Iterable[str]] | None" = None
     machine_options: Callable[[], type[Any]] | None = None
     replayed: "Callable[[Table], Any] | None" = None
+    kernels: "Callable[[], Mapping[str, Callable[[], Kernel]]] | None" = None
     part: MakePart | None = None
     expected: "Callable[[Robot, Trajectory, Any], Any] | None" = None
     judge: "Callable[[], FeatureJudge] | None" = None
     live: Callable[[], LiveWords] | None = None
     drive_model: Callable[[], DriveModel] | None = None
     run_options: Callable[[], type[Any]] | None = None
+    verify_options: Callable[[], type[Any]] | None = None
+    new_options: Callable[[], type[Any]] | None = None
     report_lines: Callable[[Mapping[str, Any]], Iterable[str]] | None = None
     commands: Sequence[CommandRow] = ()
 
@@ -212,6 +230,10 @@ def registered() -> tuple[Mapping[str, Feature], Mapping[str, str]]:
             found[point.name] = point.load()
         except Exception as error:
             broken[point.name] = f"feature {point.name} of {_origin(point)} cannot be loaded: {error}; install it again"
+    while alone := next((each for each in found.values() if not set(each.needs) <= found.keys()), None):
+        missing = ", ".join(sorted(set(alone.needs) - found.keys()))
+        del found[alone.name]
+        broken[alone.name] = f"feature {alone.name} needs the feature {missing}, which is not there"
     return found, broken
 
 

@@ -18,7 +18,7 @@ URDF_BYTES_MAX: Final = 1 * MIB
 """A link of a URDF with masses, meshes and a joint has some 1 KiB; a robot with two arms and hands has some 100."""
 PROGRAM_BYTES_MAX: Final = 1 * MIB
 """A step of a program has some 60 bytes, so all 5000 steps that a program may have fit, with their comments."""
-GCODE_BYTES_MAX: Final = 16 * MIB
+STEP_FILES_BYTES_MAX: Final = 16 * MIB
 """A line of G-code has some 30 bytes: half a million of them fit."""
 SCENARIO_BYTES_MAX: Final = 256 * KIB
 """A fault of a scenario has some 100 bytes; a thousand of them fit."""

@@ -1,8 +1,4 @@
-"""The tool's planned path and how far the counted one is from it, with the magnification that makes it visible.
-
-An error has two parts: the tool is behind or ahead on its path, and it is beside its path. A board whose clock is off
-makes the first alone, boards whose clocks part from each other make both.
-"""
+"""The tool's planned path and how far the counted one is from it, with the magnification that makes it visible."""
 
 from dataclasses import dataclass
 from math import floor, log10
@@ -14,7 +10,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import printable, shortened
 from steptwin.host.verify import Comparison, RunInfo
-from steptwin.host.verify.deviation import critical_instants, deviations
+from steptwin.host.verify.deviation import deviations
 
 
 def run_name(run: RunInfo) -> str:
@@ -78,47 +74,3 @@ def path_error(comparison: Comparison, t_s: FloatArray) -> PathError:
     errors_mm = np.concatenate([tool.position_mm.swapaxes(0, 1).reshape(-1, 3) for tool in tools])
     poses = comparison.expected.forward(comparison.expected.trajectory.positions(np.minimum(t_s, end_s)))
     return PathError(np.repeat(poses[:, :3], 2, axis=0), errors_mm)
-
-
-_STEP_S: Final = 0.5e-3
-"""Half the time over which the direction of the planned motion is taken."""
-
-
-@dataclass(frozen=True, slots=True)
-class BesidePath:
-    """How far the counted tool was beside the planned path, whenever it was there.
-
-    Attributes:
-        mm: the greatest distance.
-        at_s: when, in the motion's time.
-    """
-
-    mm: float
-    at_s: float
-
-
-def beside_path(comparison: Comparison) -> BesidePath | None:
-    """Return the greatest distance of the counted tool from the planned path; None without a tool.
-
-    At each edge it is the part of the tool's error across the direction in which the planned tool moves, and the whole
-    error where that stands. So it holds as long as the path bends little over the way by which the tool lags.
-    """
-    expected = comparison.expected
-    if not expected.task.width:
-        return None
-    end_s, farthest = expected.trajectory.duration_s, BesidePath(0.0, 0.0)
-    for part in deviations(comparison, critical_instants(comparison)):
-        assert part.tool is not None
-        before, after = (
-            expected.forward(expected.trajectory.positions(np.clip(part.t_s + step_s, 0.0, end_s)))[:, :3]
-            for step_s in (-_STEP_S, _STEP_S)
-        )
-        way_mm = np.linalg.norm(after - before, axis=1, keepdims=True)
-        ahead = np.divide(after - before, way_mm, out=np.zeros_like(before), where=way_mm > STILL_MM)
-        errors_mm = part.tool.position_mm
-        along_mm = np.sum(errors_mm * ahead, axis=2, keepdims=True)
-        off_mm = np.linalg.norm(errors_mm - along_mm * ahead, axis=2).max(axis=0)
-        row = int(np.argmax(off_mm))
-        if off_mm[row] > farthest.mm:
-            farthest = BesidePath(float(off_mm[row]), float(part.t_s[row]))
-    return farthest

@@ -15,7 +15,6 @@ from steptwin.host.record.folder import StoredRun
 from steptwin.host.robots.box import Range
 from steptwin.host.robots.kinematics import ArmPart, Kinematics, make_kinematics
 from steptwin.host.robots.kinematics.base import tool_places_mm
-from steptwin.host.robots.kinematics.marks import Skeleton
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import Comparison, Evidence, OutputChange
 from steptwin.host.verify.switching import output_changes
@@ -66,11 +65,6 @@ class RecordedMachine:
     def links(self, t_s: FloatArray) -> tuple[ArmPart, ...]:
         """Return the machine's parts at the drivers' counts."""
         return self.kinematics.links(self.counted_joints(t_s))
-
-    def marks(self, t_s: FloatArray, *, frames: bool) -> tuple[ArmPart, ...]:
-        """Return the axes of the joints at the drivers' counts, and perhaps frames of base, joints and tool."""
-        joints, skeleton = self.counted_joints(t_s), Skeleton(self.robot)
-        return (*skeleton.axes(joints), *(skeleton.frames(joints) if frames else ()))
 
     def box_shifts_mm(self, t_s: FloatArray) -> dict[str, FloatArray]:
         """Return how far each box of the robot's file has moved, shape (n, 3); those that nothing holds stand still."""

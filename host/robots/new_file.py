@@ -8,11 +8,10 @@ import json
 import re
 from collections.abc import Iterable, Mapping
 from copy import deepcopy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Final
 
-from steptwin.features.arms.chain_geometry import JOINTS_MAX, ChainGeometry, usual_arm
 from steptwin.host.common.bad_input import prefixed, shortened, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
@@ -24,6 +23,7 @@ from steptwin.host.robots.kinematics.bare_axes import AxesGeometry
 from steptwin.host.robots.kinematics.base import dimensions, geometry_of, meaning
 from steptwin.host.robots.kinematics.cartesian import CartesianGeometry
 from steptwin.host.robots.kinematics.kinds import kind_named
+from steptwin.host.robots.kinematics.serial.chain_geometry import JOINTS_MAX, ChainGeometry, usual_arm
 from steptwin.host.robots.kinematics.usual_scara import ScaraGeometry
 from steptwin.host.robots.motor import MOTORS
 from steptwin.host.robots.new_joint import (
@@ -80,6 +80,25 @@ _COUNTS: Final = {"axes": (1, JOINTS_MAX), "chain": (len(_CHAIN_JOINTS), len(_CH
 """Of each kind with a free number of joints the usual number and the most of a new file."""
 
 _COMMENT: Final = re.compile(r"^\[joints\.(\S+)\] # (.+)$", re.MULTILINE)
+
+
+@dataclass(frozen=True, slots=True)
+class NewRobot:
+    """A robot file that was made of another file.
+
+    Attributes:
+        text: the text of the file.
+        kind: its kind.
+        geometry: the keys of its [kinematics].
+        joints: the names of its joints.
+        notes: what its user should know, a line each.
+    """
+
+    text: str
+    kind: str
+    geometry: Mapping[str, Dimension]
+    joints: tuple[str, ...]
+    notes: tuple[str, ...]
 
 
 def usual_dimensions(kind: str, joints: int | None = None) -> dict[str, Dimension]:

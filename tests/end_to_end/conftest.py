@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from docs.generate.runs import Runs
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.cli.app import run
-from steptwin.host.studies.papers.study import Runs
 from tests.end_to_end.pages import ROOT
 from tests.shared_folders import made_once
 

@@ -11,21 +11,20 @@ import pytest
 from docs.generate.command_line import COMMAND_LINE_PAGE, render_command_line
 from docs.generate.driver_page import DRIVER_PAGE
 from docs.generate.machine_pages import CONTROL_PORT_PAGE, FAULTS_PAGE, MACHINE_PAGE, render_machine_options
+from docs.generate.paper_pages import PAPERS
 from docs.generate.pictures import WAVEFORM_PAGE
 from docs.generate.protocol import PROTOCOL_PAGE
 from docs.generate.robot_drawings import ROBOT_FILES_PAGE, drawing
-from docs.generate.robots_page import PAGE, PAPERS_FOLDER, SAMPLED, render_robots
-from docs.generate.tables import ROBOTS, WrittenValue, read_robot_file
+from docs.generate.robots_page import PAGE, SAMPLED, render_robots
+from docs.generate.runs import Runs
+from docs.generate.tables import WrittenValue, read_robot_file
 from steptwin.host.cli.app import run
 from steptwin.host.robots import MACHINES, robot_names
 from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.host.robots.joint import Joint, Transmission
-from steptwin.host.robots.kinematics.kinds import KINDS
+from steptwin.host.robots.kinematics.kinds import kinds
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.switches import JointHoming, JointSwitches
-from steptwin.host.studies.papers import PAPERS, evaluated
-from steptwin.host.studies.papers.paper_page import render_page as render_paper
-from steptwin.host.studies.papers.study import Runs
 from tests.end_to_end.marks import slow_but
 from tests.end_to_end.pages import ROOT, run_python
 
@@ -43,25 +42,6 @@ CHEAP = {"teaching-scara"}
 def test_the_page_is_up_to_date(runs: Runs) -> None:
     """If this fails, run `make docs` and review what changed."""
     assert render_robots(runs) == TEXT
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("robot", slow_but(CHEAP, PAPERS))
-def test_the_pages_of_the_papers_are_up_to_date(robot: str, runs: Runs) -> None:
-    paper = evaluated(PAPERS[robot], runs)
-    assert list(paper.disagreements) == []
-    text = (PAPERS_FOLDER / f"{robot}.md").read_text(encoding="utf-8")
-    assert render_paper(paper) == text
-
-
-def test_the_pictures_of_the_papers() -> None:
-    """Each is shown, and there is no other file but the pages."""
-    shown = {
-        f"{robot}-{picture.name}.png" for robot, paper in PAPERS.items() for i in paper.items for picture in i.pictures
-    }
-    assert {path.name for path in PAPERS_FOLDER.iterdir()} == shown | {f"{robot}.md" for robot in PAPERS}
-    for name in shown:
-        assert 1000 < (PAPERS_FOLDER / name).stat().st_size < PICTURE_BYTES_MAX, name
 
 
 def test_the_protocol_page_is_up_to_date() -> None:
@@ -105,14 +85,14 @@ def test_the_page_of_robot_files_has_every_key(keys: type[Any]) -> None:
         assert field.name in no_keys or any(words in page for words in spelled), field.name
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", kinds())
 def test_every_kind_has_a_drawing(kind: str) -> None:
     assert 1000 < drawing(kind).stat().st_size < PICTURE_BYTES_MAX
 
 
 def test_every_robot_is_described() -> None:
     """Those of papers in docs/robots.md, machines that people build in docs/machines.md."""
-    assert {*ROBOTS, *MACHINES} == set(robot_names())
+    assert {*PAPERS, *MACHINES} == set(robot_names())
     assert [name for name in MACHINES if f"`{name}`" not in MACHINES_PAGE] == []
 
 
@@ -168,7 +148,7 @@ def test_runs_agree_with_the_papers_samples(robot: str, job: str, runs: Runs) ->
     assert sampled.tool_mm <= report.tool.position_error_mm_max <= 1.5 * sampled.tool_mm
 
 
-@pytest.mark.parametrize("robot", [*ROBOTS, *MACHINES])
+@pytest.mark.parametrize("robot", [*PAPERS, *MACHINES])
 def test_every_number_of_a_robot_is_marked(robot: str) -> None:
     for name, section in read_robot_file(robot).items():
         marked = name.startswith(("places.", "boxes.", "shelf.")) and section.comment.startswith("[")

@@ -14,7 +14,7 @@ from steptwin.host.robots import load_robot
 
 NAMES = list(command_table())
 EVERY_EXAMPLE = [(name, example) for name in NAMES for example in command_named(name).examples]
-CHEAP = {"robots", "jobs", "fk", "ik", "sensitivity", "eds", "dbc"}
+CHEAP = {"robots", "jobs", "fk", "ik", "eds", "dbc"}
 WAITING = {"panel"}
 """Commands that wait for their board instead of ending without it."""
 LIVE = [
@@ -41,7 +41,7 @@ def test_the_program_lists_its_commands_in_groups(capsys: pytest.CaptureFixture[
     titles = [line.strip("╭╮─ ") for line in lines if line.startswith("╭")]
     assert titles == ["Options", "Robots and maths", "Run and verify", "Live board", "Files and tools"]
     assert [line.split()[1] for line in lines if re.match(r"│ [a-z]", line)] == NAMES
-    assert len(NAMES) == len(set(NAMES)) == 47
+    assert len(NAMES) == len(set(NAMES)) == 41
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:

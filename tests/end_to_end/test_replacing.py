@@ -8,14 +8,14 @@ import pytest
 from steptwin.host.cli.app import run
 from tests.end_to_end.command_line import refusal
 
-MEASURE = ["measure", "calibration-scara"]
+CALIBRATE = ["calibrate", "calibration-scara"]
 KEPT = "somebody's"
 
 
 def measured(folder: Path) -> list[str]:
     path = folder / "m.csv"
-    assert run([*MEASURE, str(path)]) == 0
-    return ["calibrate", "calibration-scara", str(path)]
+    assert run([*CALIBRATE, str(path), "--simulate", "50"]) == 0
+    return [*CALIBRATE, str(path)]
 
 
 def words(*some: str) -> Callable[[Path, Path], list[str]]:
@@ -32,7 +32,6 @@ def words(*some: str) -> Callable[[Path, Path], list[str]]:
         (words("plot", "{}", "--what", "joints"), ["--out"], ["joints.png"]),
         (words("plot", "{}", "--what", "joints", "--format", "svg"), ["--out"], ["joints.svg"]),
         (words("motors", "{}"), ["--out"], ["motor-load.png"]),
-        (words("paper", "lab-scara"), ["--out"], ["lab-scara.md", "lab-scara.html"]),
     ],
 )
 def test_of_a_folder(
@@ -59,10 +58,9 @@ def test_of_a_folder(
 @pytest.mark.parametrize(
     ("given", "name"),
     [
-        (["animate", "{}", "--fps", "1", "--out"], "arm.html"),
         (["trace", "{}", "--out"], "mine.vcd"),
         (["trace", "{}", "--format", "csv", "--out"], "mine.csv"),
-        (MEASURE, "measured.csv"),
+        ([*CALIBRATE, "--simulate", "3"], "measured.csv"),
         (["new", "--kind", "scara"], "arm.toml"),
     ],
 )

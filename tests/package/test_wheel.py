@@ -63,12 +63,11 @@ def test_the_wheel_has_every_module_of_the_checkout(wheel: Path) -> None:
     names = set(contents(wheel))
     assert {f"steptwin/{module.as_posix()}" for module in modules} <= names
     assert {"steptwin/__main__.py", "steptwin/py.typed", "steptwin/host/robots/papers/lab-scara.toml"} <= names
-    assert "steptwin/host/studies/papers/lab.toml" in names
     assert {f"steptwin/features/kernel_c/{name}" for name in kernel_files()} <= names
 
 
 def test_the_wheel_has_no_benchmarks(wheel: Path) -> None:
-    """They measure a checkout; `steptwin bench`, which compares step methods, needs none of them."""
+    """They measure a checkout."""
     assert not [name for name in contents(wheel) if name.startswith("steptwin/bench")]
 
 

@@ -18,7 +18,7 @@ from typing import Final, Self
 import numpy as np
 from scipy.linalg import eigh
 
-from steptwin.features.fastest.drives import DriveAnswer, DriveTrial, PathLoad
+from steptwin.features.fastest.drives import DriveTrial, PathLoad
 from steptwin.features.fastest.rows import PathRates, Rows
 from steptwin.features.motors.rotors.arm import Arm
 from steptwin.features.motors.rotors.motor import RAD_S_PER_RPM
@@ -34,6 +34,7 @@ from steptwin.features.motors.turning.torques import Curves, PullOutCurve, torqu
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.planning_time import check_planning_time
+from steptwin.host.planning.drives import DriveAnswer
 from steptwin.host.planning.motions.sampled import Sampled
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots.robot import Robot

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from steptwin.features.fastest.drives import AskedLimits
 from steptwin.features.motors.limits import motor_limits
 from steptwin.features.motors.rotors.motor import CATALOGUE, RAD_S_PER_RPM, Motor
 from steptwin.features.motors.rotors.rotors import Drive
@@ -25,6 +24,7 @@ from steptwin.features.motors.turning.verdict import MARGIN_MIN
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.planning.drives import AskedLimits
 from steptwin.host.planning.programs import Program, compile_program
 from steptwin.host.robots.motor import JointMotor
 from steptwin.host.robots.robot import Robot

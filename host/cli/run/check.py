@@ -93,6 +93,7 @@ _KINDS: Final[Mapping[str, tuple[str, ...]]] = {
 
 def check_program(folder: Path, text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
     """Check a program in a folder for a robot, by default for the one that it names."""
+    from steptwin.host.planning.drives import known_drives
     from steptwin.host.planning.programs import check_names, compile_program, parse_program
 
     program = parse_program(text, findings, folder)
@@ -100,11 +101,11 @@ def check_program(folder: Path, text: str, robot_name: str | None, findings: Fin
     if robot is None:
         check_names(program, None, findings)
         return CheckedFile()
-    model = drive_model()
-    compiled = compile_program(program, robot, findings, drives=None if model is None else model.limits)
+    compiled = compile_program(program, robot, findings, drives=known_drives())
     advice = _advice(robot, compiled, findings) if compiled.is_whole else ()
     is_foretold = compiled.is_whole and not findings.messages and program.limits is None
-    forecast = model.forecast(robot, compiled.trajectory) if model is not None and is_foretold else None
+    model = drive_model() if is_foretold else None
+    forecast = None if model is None else model.forecast(robot, compiled.trajectory)
     document = {
         "robot": robot.name,
         "duration_s": compiled.trajectory.duration_s,

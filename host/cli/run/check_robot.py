@@ -80,8 +80,7 @@ def _dh_errors_document(robot: "Robot") -> dict[str, Any]:
     """Return the errors of the DH parameters, and how far they take the tool away: at home, and at random joints."""
     import numpy as np
 
-    from steptwin.host.robots.kinematics.chain import actual_chain
-    from steptwin.host.studies.calibration.measurements import random_joints
+    from steptwin.host.robots.kinematics.chain import actual_chain, random_joints
 
     chain = actual_chain(robot)
     if chain is None:
@@ -136,8 +135,8 @@ def _units_in_doubt(document: dict[str, Any]) -> list[str]:
 
 def _task_too_large(robot: "Robot") -> list[str]:
     """Return a warning if a chain's tool is told more than its joints can give: most poses are then out of reach."""
-    from steptwin.features.arms.chain_geometry import TASKS, ChainGeometry
     from steptwin.host.robots.kinematics.base import read_geometry
+    from steptwin.host.robots.kinematics.serial.chain_geometry import TASKS, ChainGeometry
 
     if robot.kinematics != "chain":
         return []

@@ -14,7 +14,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import drive_model
 
 if TYPE_CHECKING:
-    from steptwin.features.fastest.drives import DriveLimits
+    from steptwin.host.planning.drives import DriveLimits
     from steptwin.host.planning.plan import Plan
     from steptwin.host.planning.polygon import Departure
     from steptwin.host.planning.trajectory import Trajectory
@@ -104,11 +104,10 @@ class SpeedOptions:
         """Return the motors that limit the motion; None without the option."""
         if self.left_percent is None:
             return None
-        from steptwin.features.fastest.drives import AskedLimits
+        from steptwin.host.planning.drives import AskedLimits, known_drives
 
-        model = drive_model()
         with prefixed("--left-percent: "):
-            return AskedLimits(self.left_percent).drives(robot, None if model is None else model.limits)
+            return AskedLimits(self.left_percent).drives(robot, known_drives())
 
     def factor(self) -> float | None:
         """Return how many times slower the motion is to be; None without either option, and for `--stretch auto`."""
@@ -248,14 +247,15 @@ def _motion(
 
 
 def _program(robot: "Robot", path: str, options: dict[str, str]) -> _Motion:
+    from steptwin.host.planning.drives import known_drives
     from steptwin.host.planning.programs import compile_program, read_program
 
     if options:
         raise InputError(f"option {next(iter(options))}: a program has no options")
     try:
-        program, model = read_program(path), drive_model()
+        program = read_program(path)
         with prefixed(f"{path}: "):
-            compiled = compile_program(program, robot, drives=None if model is None else model.limits)
+            compiled = compile_program(program, robot, drives=known_drives())
     except InputError as error:
         if len(error.messages) == 1:
             raise

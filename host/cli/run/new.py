@@ -3,16 +3,17 @@
 import json
 import re
 import sys
+from collections.abc import Sequence
 from dataclasses import MISSING, dataclass
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AnswerOptions, Replace, keep_files
-from steptwin.host.cli.options import argument, given_options, option, switch
+from steptwin.host.cli.options import argument, given_options, of_features, option
 from steptwin.host.cli.output import print_table, say
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.choices import name_value_pairs
@@ -22,39 +23,37 @@ from steptwin.host.common.whole_file import write_whole
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from steptwin.features.urdf.urdf_robot import RobotOfUrdf
+    from steptwin.host.robots.new_file import NewRobot
     from steptwin.host.robots.robot import Dimension
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UrdfOptions:
-    """The options of a robot made of a URDF."""
+class RobotSource(Protocol):
+    """A feature's options of `steptwin new`: what makes a robot of another kind of file."""
 
-    urdf: str | None = option("FILE", "URDF with the joints of an arm: makes a chain of them.")
-    tip: str | None = option("LINK", "With --urdf: the tool's link; by default the only leaf that needs no mimic.")
-    base: str | None = option("LINK", "With --urdf: the link that stands; by default the root.")
-    snap: bool = switch("With --urdf: make angles exact within 2e-5 rad of multiples of 15 deg.")
+    def robot(self, name: str, kind: str | None, given: dict[str, str]) -> "NewRobot | None":
+        """Return the robot; None if the options name no file. Raises InputError for options that do not go together."""
+        ...
 
-    def robot(self, name: str, kind: str | None, given: dict[str, str]) -> "RobotOfUrdf | None":
-        """Return the robot of the URDF; None without one. Raises InputError for options that do not go together."""
-        from steptwin.features.urdf.urdf_robot import KIND, UrdfSource
 
-        if self.urdf is None:
-            if alone := next(iter(given_options(self)), None):
-                raise InputError(f"{alone}: is for a robot made of a URDF: give --urdf FILE")
-            return None
-        if kind not in (None, KIND):
-            raise InputError(f"--kind {kind}: a URDF makes a {KIND}: leave --kind out")
-        return UrdfSource(self.urdf, self.tip, self.base, self.snap).robot(name, given)
+@dataclass(frozen=True, slots=True)
+class SourceOptions:
+    """What features make robots of."""
+
+    sources: Sequence[RobotSource] = of_features("new_options")
+
+    def robot(self, name: str, kind: str | None, given: dict[str, str]) -> "NewRobot | None":
+        """Return the robot of the file that is named; None without one."""
+        made = (source.robot(name, kind, given) for source in self.sources)
+        return next((robot for robot in made if robot is not None), None)
 
 
 @command(
     "my-arm.toml --kind scara --set l1_mm=200",
-    "my-arm.toml --urdf arm.urdf --tip tool0 --set joint_1.ratio=50",
+    "my-arm.toml --from ar4-mk3",
 )
 def new(
     answer: AnswerOptions,
-    of_urdf: UrdfOptions,
+    others: SourceOptions,
     file: str = argument("FILE", "File to write; the robot gets its name, without .toml.", MISSING),
     original: str | None = option(
         "ROBOT", "Copy the file of a robot that StepTwin brings, under the new name.", "--from"
@@ -69,10 +68,6 @@ def new(
     Speeds, switches and homing follow; change what you like and let `steptwin check` look at the file.
 
     With --from it is the file of a robot that is there, such as ar4-mk3, with the new robot's name, to change.
-
-    With --urdf the joints are those of a URDF between two links, lengths in mm and angles in degrees. What no URDF has
-    gets placeholders, which are told: ratio or travel_per_turn, microsteps, drivers, switches. --set sets joints'
-    values, `task`, and `held`, joints that stay where they are: held=J1,J2.
 
     Kinds and their dimensions, drawn in docs/robot-files.md:
 
@@ -100,7 +95,7 @@ def new(
     taken for 8), JOINT.home, JOINT.motor (its model, such as 17HS19-2004S1).
     """
     from steptwin.host.robots import SUFFIX
-    from steptwin.host.robots.kinematics.kinds import KINDS
+    from steptwin.host.robots.kinematics.kinds import kinds
     from steptwin.host.robots.new_file import robot_text, with_settings
 
     path = Path(file)
@@ -114,20 +109,20 @@ def new(
             answer,
             path,
             original,
-            [*(["--kind"] if kind else []), *(["--set"] if given else []), *given_options(of_urdf)],
+            [*(["--kind"] if kind else []), *(["--set"] if given else []), *given_options(others)],
         )
         return
-    made = of_urdf.robot(path.stem, kind, given)
+    made = others.robot(path.stem, kind, given)
     if made:
         write_whole(path, made.text)
-        document = {"kind": "chain", "dimensions": made.geometry, "joints": made.joints, "notes": made.notes}
+        document = {"kind": made.kind, "dimensions": made.geometry, "joints": made.joints, "notes": made.notes}
         _tell(answer, file, document)
         return
     if kind is None:
         kind = _asked_kind()
         given = _asked(path.stem, kind, given)
-    elif kind not in KINDS:
-        raise unknown("--kind", kind, KINDS)
+    elif kind not in kinds():
+        raise unknown("--kind", kind, kinds())
     with prefixed("--set "):
         geometry, joints = with_settings(kind, given)
     write_whole(path, robot_text(path.stem, kind, geometry, joints))
@@ -166,17 +161,17 @@ def _tell(answer: AnswerOptions, file: str, document: dict[str, Any]) -> None:
 
 
 def _asked_kind() -> str:
-    from steptwin.host.robots.kinematics.kinds import KINDS
+    from steptwin.host.robots.kinematics.kinds import kinds
 
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
-        raise InputError(f"--kind is missing: {', '.join(KINDS)}")
-    print_table(["kind", "what it is"], [[name, kind.summary] for name, kind in KINDS.items()], text_columns=2)
+        raise InputError(f"--kind is missing: {', '.join(kinds())}")
+    print_table(["kind", "what it is"], [[name, kind.summary] for name, kind in kinds().items()], text_columns=2)
 
     def check(name: str) -> None:
-        if name not in KINDS:
-            raise unknown("kind", name, KINDS)
+        if name not in kinds():
+            raise unknown("kind", name, kinds())
 
-    return _answer("kind", next(iter(KINDS)), check)
+    return _answer("kind", next(iter(kinds())), check)
 
 
 def _asked(name: str, kind: str, given: dict[str, str]) -> dict[str, str]:

@@ -42,9 +42,6 @@ def print_report(document: Mapping[str, Any]) -> None:
     for skew in document.get("skews", ()):
         apart = f"{skew['second']}: up to {skew['skew_max']:.4f} {skew['unit']} apart from {skew['first']}"
         say(f"{apart}, at the end {skew['skew_end']:+.4f} {skew['unit']}")
-    if beside := document.get("beside_path"):
-        ppm = ", ".join(f"{each:+d}" for each in document["crystal_ppm"])
-        say(f"crystals {ppm} ppm: {beside['mm_max']:.4f} mm beside the path at most, at {beside['at_s']:.3f} s")
     if actual := document.get("actual_tool"):
         say(
             f"actual tool, with the robot's dh_errors: {actual['position_error_mm_max']:.4f} mm max,"

@@ -5,7 +5,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from steptwin.features.faults.on_purpose import print_faults, telling_of_faults
 from steptwin.host.cli.app import end_unless
@@ -29,10 +29,6 @@ if TYPE_CHECKING:
     from steptwin.host.twin.machine.kernels import Kernel
 
 
-KernelName = Literal["auto", "python", "numba", "cortex-m3"]
-"""The forms of the firmware's kernel; all make the same edges."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VirtualRunOptions:
     """The options of a run in virtual time: the emulated machine, what happens in the run, what is kept of it."""
@@ -45,10 +41,9 @@ class VirtualRunOptions:
         "Change a digital input of the emulated machine, in simulated seconds since the motion's start; repeatable.",
         "--input",
     )
-    kernel: KernelName = option(
+    kernel: str = option(
         "NAME",
-        "Form of the firmware's kernel: python, numba (compiled), cortex-m3 (as C on an emulated core), or auto: the"
-        " one that ends soonest.",
+        "Form of the firmware's kernel, such as python or numba (compiled), or auto: the one that ends soonest.",
         default="auto",
     )
     machine: Annotated[MachineOptions, Without(("bitrate", "firmware", "nodes"))]

@@ -6,10 +6,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from steptwin.features.fastest.drives import DriveLimits
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.features import giving
 from steptwin.host.common.planning_time import in_planning_time, planning_step
+from steptwin.host.planning.drives import DriveLimits
 from steptwin.host.planning.jobs.carry import CARRY
 from steptwin.host.planning.jobs.hybrid_jobs import FIVE_POINTS, HELIX
 from steptwin.host.planning.jobs.job import Job, fitted

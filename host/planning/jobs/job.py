@@ -6,11 +6,10 @@ from typing import Any, Final, Generic
 
 import numpy as np
 
-from steptwin.features.fastest.again import FASTEST, fastest_again
-from steptwin.features.fastest.drives import DriveLimits, check_drives
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.checks import check_positions
+from steptwin.host.planning.drives import DriveLimits, check_drives
 from steptwin.host.planning.jobs.options import (
     OptionField,
     Options,
@@ -19,6 +18,7 @@ from steptwin.host.planning.jobs.options import (
     parse_options,
     place_options,
 )
+from steptwin.host.planning.motions.whole import FASTEST, has_timer, motion_timer
 from steptwin.host.planning.paths import OutOfReachError
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.kinematics import Elbow, HybridArm, Scara, make_kinematics, within_limits
@@ -125,17 +125,19 @@ class Job(Generic[Options]):
         except OutOfReachError as error:
             hint = f"; the {'option sets' if len(places) == 1 else 'options set'} the place: {' '.join(places)}"
             raise InputError(f"{error}{hint if places else ''}") from error
-        return fastest_again(robot, trajectory, drives) if is_fastest else trajectory
+        return motion_timer().again(robot, trajectory, drives) if is_fastest else trajectory
 
     def intended(self, robot: Robot, texts: Mapping[str, str]) -> Any:
         """Return the job's intent with these options; raise InputError as `parse_options` does."""
         return None if self.intent is None else self.intent(robot, self._read(robot, texts)[0])
 
     def fields(self, robot: Robot) -> tuple[OptionField, ...]:
-        """Return the options with their defaults and valid values for a robot; every job has the fastest law."""
+        """Return the options with their defaults and valid values for a robot; every job may be timed anew."""
         own = {field.name: field for field in option_fields(self.options, robot)}
         law = own.get(_LAW, OptionField(_LAW, _PLANNED, (_PLANNED,)))
-        return tuple((own | {_LAW: replace(law, choices=(*law.choices, FASTEST))}).values())
+        return tuple(
+            (own | {_LAW: replace(law, choices=(*law.choices, FASTEST) if has_timer() else law.choices)}).values()
+        )
 
     def _read(self, robot: Robot, texts: Mapping[str, str]) -> tuple[Options, bool]:
         """Return the job's own options, and whether its path is timed anew by the fastest law."""

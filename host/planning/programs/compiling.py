@@ -9,20 +9,20 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from steptwin.features.fastest.corners import CornerError
-from steptwin.features.fastest.drives import DriveAnswer, MakeDrives
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings, check_all
 from steptwin.host.common.planning_time import check_planning_time, in_planning_time, planning_step
 from steptwin.host.planning import checks
+from steptwin.host.planning.drives import DriveAnswer, MakeDrives
 from steptwin.host.planning.motions.composer import Sequence
 from steptwin.host.planning.motions.tool_move import ToolMove
+from steptwin.host.planning.motions.whole import CornerError
 from steptwin.host.planning.no_way import NO_WAY
 from steptwin.host.planning.peaks import Peak
 from steptwin.host.planning.programs.fast_steps import MadeStep, fast_steps
-from steptwin.host.planning.programs.flowing import BranchesOnWay, switching_words
+from steptwin.host.planning.programs.flow import BranchesOnWay, switching_words
 from steptwin.host.planning.programs.moves import Moves
 from steptwin.host.planning.programs.names import check_names
 from steptwin.host.planning.programs.pallets import Pallet
@@ -304,7 +304,7 @@ class _Walk:
         moves = self._moves
         if step.pace is None:
             self._end_flow()
-        before, from_s, legs = moves.from_here(), moves.composer.now_s, len(moves.legs.legs)
+        before, from_s, legs = moves.from_here(), moves.composer.now_s, len(moves.legs or ())
         moves.place = str(place)
         self.complaints.judge(place)
         try:
@@ -316,7 +316,7 @@ class _Walk:
             self._fail(place, step, error)
         else:
             if moves.legs:
-                self._gathered.append(_Gathered(place, step, before, has_leg=len(moves.legs.legs) > legs))
+                self._gathered.append(_Gathered(place, step, before, has_leg=len(moves.legs) > legs))
             elif moves.leg_times:
                 own = sum(step.has_leg for step in self._gathered)
                 self._gathered.append(_Gathered(place, step, before, has_leg=len(moves.leg_times) > own))

@@ -8,10 +8,10 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.features.fastest.drives import DriveLimits
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.planning.drives import DriveLimits
 from steptwin.host.planning.laws import Law, SCurve, time_at
 from steptwin.host.planning.motions.composer import JERK_TIME_S, Composer
 from steptwin.host.planning.motions.joint_move import limits_along
@@ -22,6 +22,7 @@ from steptwin.host.planning.motions.tool_move import (
     nearest_turns,
     present_branch,
 )
+from steptwin.host.planning.motions.whole import FlowingSteps, motion_timer
 from steptwin.host.planning.no_way import NO_WAY, is_no_way
 from steptwin.host.planning.paths import (
     Arc,
@@ -35,7 +36,7 @@ from steptwin.host.planning.paths import (
     straight,
 )
 from steptwin.host.planning.peaks import highest, sampled, speed_peaks
-from steptwin.host.planning.programs.flowing import FlowingLegs, LegTime, check_none_gathered, switch_on_way
+from steptwin.host.planning.programs.flow import LegTime, check_none_gathered, switch_on_way
 from steptwin.host.planning.programs.paces import SPEED_PERCENT, JointPace, StepPace, ToolPace
 from steptwin.host.planning.programs.pallets import STATION_FRAME, Cells, Pallet
 from steptwin.host.planning.programs.positions import Beside, JointPosition, Position, Target, ToolPosition
@@ -103,7 +104,7 @@ class Moves:
         self.composer: Composer = Composer(robot, np.array(robot.home) if joints is None else joints)
         self.place = ""
         """The step that is being added, as messages name it."""
-        self.legs: FlowingLegs = FlowingLegs(robot, self.composer.joints, drives)
+        self.legs: FlowingSteps | None = None
         """The steps that flow into each other and have not ended yet."""
         self.switched: tuple[Switching, ...] = ()
         """Outputs that change on the way of the last step that did not flow."""
@@ -274,7 +275,7 @@ class Moves:
         Raises CornerError for a corner that cannot be rounded; the robot then stands at the end without a motion.
         """
         legs, end = self.legs, self.composer.joints
-        self.legs = FlowingLegs(self._robot, end, self._drives)
+        self.legs = None
         if legs:
             try:
                 self.composer.joints = legs.start
@@ -285,23 +286,27 @@ class Moves:
 
     def forget_flow(self) -> None:
         """Forget the steps that flow: the next one begins where the robot stands."""
-        self.legs = FlowingLegs(self._robot, self.composer.joints, self._drives)
+        self.legs = None
 
     def _flows(self, pace: StepPace) -> bool:
         """Return whether a step is timed together with others, or by the law of such a motion."""
+        return pace.is_whole or (self.legs is not None and self.legs.is_open)
+
+    def _gathering(self) -> FlowingSteps:
+        """Return the steps that flow, which begin here if there are none yet."""
         if not self.legs:
-            self.legs = FlowingLegs(self._robot, self.composer.joints, self._drives)
-        return pace.is_whole or self.legs.is_open
+            self.legs = motion_timer().flow(self._robot, self.composer.joints, self._drives)
+        return self.legs
 
     def _gather_joints(self, goal: FloatArray, pace: StepPace) -> None:
-        self.composer.joints = self.legs.add_joints(self.composer.joints, goal, pace)
+        self.composer.joints = self._gathering().add_joints(self.composer.joints, goal, pace)
         self._gathered(pace)
 
     def _move_along(self, path: ToolPath, pace: ToolPace, law: Law) -> None:
         """Move the tool along a path, by its own law unless it flows."""
         branch = self._branch()
         if self._flows(pace):
-            self.composer.joints = self.legs.add_path(self.composer.joints, path, branch, pace)
+            self.composer.joints = self._gathering().add_path(self.composer.joints, path, branch, pace)
             self._gathered(pace)
         else:
             begins_s = self.composer.now_s

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
-from steptwin.features.fastest.pieces import Pace
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Cubic, Law, Quintic, SCurve, Trapezoid
 from steptwin.host.planning.motions.composer import JERK_TIME_S
 from steptwin.host.planning.motions.joint_move import limits_along
+from steptwin.host.planning.motions.whole import Pace
 from steptwin.host.robots.robot import Robot
 
 SPEED_PERCENT: Final = 80.0

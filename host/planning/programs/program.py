@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from steptwin.features.fastest.drives import AskedLimits
 from steptwin.host.common.bad_input import nearest, prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.own_files import is_file
+from steptwin.host.planning.drives import AskedLimits
 from steptwin.host.planning.programs.pallets import Cells, Pallet, cell_numbers
 from steptwin.host.planning.programs.positions import Position, Target
 from steptwin.host.planning.programs.steps import Step

@@ -4,18 +4,18 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cache
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
-from steptwin.features.fastest.drives import AskedLimits
-from steptwin.features.gcode.gcode_step import GCODE_KEYS, GcodeStep
 from steptwin.host.common.bad_input import nearest, prefixed, unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.features import features
-from steptwin.host.common.file_limits import GCODE_BYTES_MAX, PROGRAM_BYTES_MAX, size_text
+from steptwin.host.common.features import features, giving
+from steptwin.host.common.file_limits import PROGRAM_BYTES_MAX, STEP_FILES_BYTES_MAX, size_text
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import Reading, Table, toml_table
+from steptwin.host.planning.drives import AskedLimits
 from steptwin.host.planning.paths import Smoothing
 from steptwin.host.planning.programs import steps
 from steptwin.host.planning.programs.paces import (
@@ -91,22 +91,29 @@ class Usual:
         keys: keys that each step has that moves, unless it says otherwise.
         folder: folder from which the paths in it count.
         frames: the frames, None for one that is wrong.
-        gcode_chars: characters of the files of G-code that its steps have named so far.
+        chars: characters of the files that its steps have named so far.
     """
 
     keys: Mapping[str, object]
     folder: Path
     frames: Mapping[str, WorkFrame | None]
-    gcode_chars: int = 0
+    chars: int = 0
 
-    def gcode(self, name: str) -> str:
-        """Return the text of a file of G-code; raise InputError if all together are longer than one may be."""
-        if self.gcode_chars <= GCODE_BYTES_MAX:  # behind that no further file is read
-            text = read_text(str(self.folder / name), GCODE_BYTES_MAX)
-            self.gcode_chars += len(text)
-            if self.gcode_chars <= GCODE_BYTES_MAX:
+    def text_of(self, name: str) -> str:
+        """Return the text of a file that a step names; raise InputError if all together are longer than one may be."""
+        if self.chars <= STEP_FILES_BYTES_MAX:  # behind that no further file is read
+            text = read_text(str(self.folder / name), STEP_FILES_BYTES_MAX)
+            self.chars += len(text)
+            if self.chars <= STEP_FILES_BYTES_MAX:
                 return text
-        raise InputError(f"the program's files of G-code have more than {size_text(GCODE_BYTES_MAX)} together")
+        raise InputError(f"the files of the program's steps have more than {size_text(STEP_FILES_BYTES_MAX)} together")
+
+
+class StepReading(NamedTuple):
+    """Reads a step of a feature: the keys that it may have beside its verb, and what makes it of its table."""
+
+    keys: tuple[str, ...]
+    read: Callable[[Table, Usual], Step]
 
 
 _PROGRAM_KEYS: Final = (
@@ -334,13 +341,13 @@ def _steps(elements: Iterable[object], place: str, findings: Findings, usual: Us
 
 
 def _step(table: Table, place: str, findings: Findings, usual: Usual) -> AnyStep:
-    verbs = [key for key in table if key in _VERBS or key in _OTHERS]
+    verbs = [key for key in table if key in _verbs()]
     if len(verbs) != 1:
         meant = [f"{key!r} is unknown: did you mean {near}?" for key in table if (near := _meant(key))]
         if meant and not verbs:
             raise InputError(meant[0])
         given = " and ".join(verbs) or "none"
-        raise InputError(f"a step has exactly one of {', '.join((*_VERBS, *_OTHERS))}, not {given}")
+        raise InputError(f"a step has exactly one of {', '.join(_verbs())}, not {given}")
     verb = verbs[0]
     if verb == "repeat":
         table.check_keys(("repeat", "steps"))
@@ -350,9 +357,10 @@ def _step(table: Table, place: str, findings: Findings, usual: Usual) -> AnyStep
         names = [table.text("each")] if isinstance(table.values["each"], str) else _texts(table, "each")
         cells = table.text("cells") if "cells" in table else None
         return Each(tuple(names), cells, _steps(_some(table, "steps"), place, findings, usual))
-    if verb == "gcode":
-        table.check_keys(("gcode", *GCODE_KEYS))
-        return GcodeStep.read(table, usual.gcode, usual.frames)
+    if verb in _steps_of_features():
+        of_feature = _steps_of_features()[verb]
+        table.check_keys((verb, *of_feature.keys))
+        return of_feature.read(table, usual)
     read, keys = _VERBS[verb]
     table.check_keys((verb, *keys))
     if "duration_s" not in table:
@@ -360,9 +368,19 @@ def _step(table: Table, place: str, findings: Findings, usual: Usual) -> AnyStep
     return read(table)
 
 
+@cache
+def _steps_of_features() -> dict[str, StepReading]:
+    return {verb: reading for _, steps in giving("program_steps") for verb, reading in steps().items()}
+
+
+def _verbs() -> tuple[str, ...]:
+    """Return all verbs of steps."""
+    return (*_VERBS, *_steps_of_features(), *_OTHERS)
+
+
 def _meant(key: str) -> str | None:
     """Return the verb that an unknown key may stand for: other programs' words for it, or the nearest name."""
-    near = nearest(key, (*_VERBS, *_OTHERS))
+    near = nearest(key, _verbs())
     return _OTHER_WORDS.get(key) or (near[0] if near else None)
 
 
@@ -452,8 +470,8 @@ def _call(table: Table) -> AnyStep:
 _JOINT_PACE: Final = ("law", "speed_percent", "duration_s", "blend_mm")
 _TOOL_PACE: Final = ("speed_mm_s", "speed_deg_s", "ramp_s", "law", "blend_mm", "outputs")
 
-_OTHERS: Final = ("gcode", "repeat", "each")
-"""The verb of a step with a file of its own, and those of steps that hold other steps."""
+_OTHERS: Final = ("repeat", "each")
+"""The verbs of steps that hold other steps."""
 
 _STANDING: Final = ("output", "wait", "pause")
 """The verbs of steps that let the robot stand."""

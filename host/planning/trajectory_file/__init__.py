@@ -14,14 +14,14 @@ from math import inf
 from pathlib import Path
 from typing import Final
 
-from steptwin.features.fastest.again import FASTEST
-from steptwin.features.fastest.drives import DriveLimits, check_drives
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import CSV_BYTES_MAX, JSON_BYTES_MAX, YAML_BYTES_MAX
 from steptwin.host.common.own_files import opened_text, read_text
+from steptwin.host.planning.drives import DriveLimits, check_drives
 from steptwin.host.planning.motions.composer import Sequence
 from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.motions.whole import FASTEST
 from steptwin.host.planning.trajectory_file.csv_points import read_csv
 from steptwin.host.planning.trajectory_file.file_motion import DEFAULT, FileMotion, PointCurve, doubt
 from steptwin.host.planning.trajectory_file.points import LONGEST_S, USUAL, FileUnits, Points

@@ -12,16 +12,16 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.features.fastest.again import FASTEST, fastest_again
-from steptwin.features.fastest.drives import DriveLimits
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import apart, whole_ms
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.checks import NotAtRestError, OutsideError, TooFastError
+from steptwin.host.planning.drives import DriveLimits
 from steptwin.host.planning.motions.composer import Sequence, Standstill
 from steptwin.host.planning.motions.joint_move import change_times_s
 from steptwin.host.planning.motions.sampled import Sampled, blended_lines
 from steptwin.host.planning.motions.stretched import Stretched
+from steptwin.host.planning.motions.whole import FASTEST, motion_timer
 from steptwin.host.planning.peaks import Peak, Quantity
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
@@ -181,7 +181,7 @@ class FileMotion:
         through = _through(robot, points, interpolation, moving=bool(ramps_s))
         if is_fastest:
             return cls(
-                robot, points, interpolation, ramps_s, through, fastest_again(robot, through, drives), is_fastest
+                robot, points, interpolation, ramps_s, through, motion_timer().again(robot, through, drives), is_fastest
             )
         trajectory = with_ramps(through, ramps_s) if ramps_s else through
         return cls(robot, points, interpolation, ramps_s, through, trajectory)

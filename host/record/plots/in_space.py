@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.record.path_error import heading, path_error
-from steptwin.host.record.plots.canvas import COUNTED, LIMIT, PLANNED, WIDTH_INCHES, PlotView
+from steptwin.host.record.plots.canvas import COUNTED, PLANNED, WIDTH_INCHES, PlotView
 from steptwin.host.robots.box import Box
 from steptwin.host.robots.kinematics import ArmPart, Role, make_kinematics
 from steptwin.host.robots.kinematics.base import tool_frames
@@ -123,49 +123,6 @@ def draw_cloud_in_space(robot: Robot, cloud_mm: FloatArray, colour: str) -> Figu
     drawn = np.vstack([cloud_mm, _around(parts), _draw_base(axes, parts, robot)])
     _draw_parts(axes, parts, within=drawn)
     _fit(figure, [axes], [drawn])
-    return figure
-
-
-def draw_positions_in_space(robot: Robot, joints: FloatArray, tips_mm: FloatArray, name: str) -> Figure:
-    """Return a figure of the arm at joints of shape (n, joints), and of tips computed apart, of shape (n, 3)."""
-    figure, (axes,) = _space(make_kinematics(robot).links(joints[:1]))
-    drawn = [tips_mm]
-    for position, shade in zip(joints, np.linspace(1.0, 0.4, len(joints)), strict=True):
-        parts = make_kinematics(robot).links(position[np.newaxis])
-        _draw_parts(axes, parts, alpha=float(shade))
-        drawn.append(_around(parts))
-        told = " ".join(f"{value:g}" for value in position.tolist())
-        _write(axes, parts[-1].points_mm[0, -1], f"   {told}", _AXIS, "left", "top")
-    drawn.append(_draw_base(axes, parts, robot))
-    axes.plot(*tips_mm.T, "o", color=LIMIT, markersize=7, label=name, zorder=5)
-    _fit(figure, [axes], [np.vstack(drawn)])
-    figure.legend(loc="lower left")
-    return figure
-
-
-def draw_path_in_space(robot: Robot, wanted_mm: FloatArray, reached_mm: FloatArray, joints: FloatArray) -> Figure:
-    """Return a figure of a path in space, near and with the arm.
-
-    Args:
-        robot: the robot.
-        wanted_mm: prescribed path, of shape (n, 3).
-        reached_mm: path that the tool takes, of shape (m, 3).
-        joints: where the arm is drawn, of shape (joints,).
-    """
-    parts = make_kinematics(robot).links(joints[np.newaxis])
-    figure, (near, whole) = _space(parts, 2)
-    _draw_parts(whole, parts)
-    base_mm = _draw_base(whole, parts, robot)
-    for axes in (near, whole):
-        axes.plot(*wanted_mm.T, color=LIMIT, linewidth=4.0, alpha=0.45, label="prescribed")
-        axes.plot(*reached_mm.T, color=COUNTED, linewidth=1.0, label="by the joints")
-    _fit(
-        figure,
-        [near, whole],
-        [wanted_mm, np.vstack([_points_of(parts), base_mm, wanted_mm])],
-        ("the path", "with the arm"),
-    )
-    figure.legend(handles=near.get_lines(), loc="lower left", ncols=2)
     return figure
 
 

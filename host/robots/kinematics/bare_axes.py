@@ -8,13 +8,13 @@ from typing import Final, NoReturn, Self
 
 import numpy as np
 
-from steptwin.features.arms.chain_geometry import check_joint_names
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics.base import Branch, Constraint, KeepsBranch, read_geometry
 from steptwin.host.robots.kinematics.dh import Convention, DhTable
 from steptwin.host.robots.kinematics.links import ArmPart, Role, line, point
+from steptwin.host.robots.kinematics.serial.chain_geometry import check_joint_names
 from steptwin.host.robots.poses import NO_TOOL, Task
 from steptwin.host.robots.poses.base_frame import STATION, BaseFrame
 from steptwin.host.robots.robot import Robot

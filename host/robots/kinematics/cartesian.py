@@ -13,7 +13,6 @@ from typing import Final, Self
 
 import numpy as np
 
-from steptwin.features.arms.rows import rows_around, turned_onto
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
@@ -30,6 +29,7 @@ from steptwin.host.robots.kinematics.base import (
 )
 from steptwin.host.robots.kinematics.dh import Convention, DhTable
 from steptwin.host.robots.kinematics.links import ArmPart, Role, line, point
+from steptwin.host.robots.kinematics.serial.rows import rows_around, turned_onto
 from steptwin.host.robots.poses import POSITION, SCARA, Task
 from steptwin.host.robots.poses.base_frame import STATION, BaseFrame
 from steptwin.host.robots.poses.rotations import wrapped_deg

@@ -100,51 +100,9 @@ class Chain:
         links, count = len(before), len(joints)  # screws: (links, axis, length or angle, n, 6)
         return np.moveaxis(screws.reshape(4 * links, count, 6), 0, -1)
 
-    def synthesis(self, joints: FloatArray) -> "ErrorSynthesis":
-        """Return what the errors do to the tool together, for joints of shape (n, joints)."""
-        nominal = self.with_errors(np.zeros_like(self.errors))
-        before, after = nominal.transforms(joints), self.transforms(joints)
-        turns_deg = _rotation_vectors_deg(after[:, :3, :3] @ before[:, :3, :3].swapaxes(1, 2))
-        exact = np.column_stack([(after - before)[:, :3, 3], turns_deg])
-        return ErrorSynthesis(nominal.sensitivities(joints) * self.errors.ravel(), exact)
-
     def _frames(self, joints: FloatArray) -> FloatArray:
         variables = {name: joints[:, axis] for axis, name in enumerate(self.joint_names)}
         return self.table.with_errors(self.errors).frames(variables)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ErrorSynthesis:
-    """The effects of a chain's errors on the tool at n positions, each as MOVES against the nominal arm.
-
-    Attributes:
-        parts: shape (n, 6, parameters), each error times its coefficient at the nominal arm.
-        exact: shape (n, 6), the actual tool minus the nominal one: the shift, and the rotation vector of the turn.
-    """
-
-    parts: FloatArray
-    exact: FloatArray
-
-    @property
-    def linear(self) -> FloatArray:
-        """Shape (n, 6): the sum of the parts."""
-        total: FloatArray = self.parts.sum(axis=-1)
-        return total
-
-    @property
-    def remainder(self) -> FloatArray:
-        """Shape (n, 6): what the sum leaves out, the terms of higher order."""
-        return np.asarray(self.exact - self.linear)
-
-
-def _rotation_vectors_deg(rotations: FloatArray) -> FloatArray:
-    """Return, of shape (n, 3), the axes of rotations of shape (n, 3, 3), each as long as its angle, below 180 deg."""
-    skew = rotations - rotations.swapaxes(1, 2)
-    axes = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1) / 2.0
-    sines = np.linalg.norm(axes, axis=1, keepdims=True)
-    cosines = (np.trace(rotations, axis1=1, axis2=2)[:, np.newaxis] - 1.0) / 2.0
-    lengths = np.divide(np.arctan2(sines, cosines), sines, out=np.ones_like(sines), where=sines > 0.0)
-    return np.asarray(np.rad2deg(axes * lengths))
 
 
 def _screw(frames: FloatArray, axis: int, tool: FloatArray) -> FloatArray:
@@ -155,6 +113,12 @@ def _screw(frames: FloatArray, axis: int, tool: FloatArray) -> FloatArray:
     moves[:, 1, :, :3] = np.deg2rad(np.cross(direction, tool[..., :3, 3] - origin))
     moves[:, 1, :, 3:] = direction
     return moves
+
+
+def random_joints(robot: Robot, count: int, random: np.random.Generator) -> FloatArray:
+    """Return joint positions of shape (count, joints), uniformly random within the limits, in whole thousandths."""
+    lower, upper = (np.array(ends) for ends in zip(*((each.lower, each.upper) for each in robot.joints), strict=True))
+    return np.clip(np.round(random.uniform(lower, upper, (count, len(lower))), 3), lower, upper)
 
 
 def actual_chain(robot: Robot) -> Chain | None:

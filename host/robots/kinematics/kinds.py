@@ -1,12 +1,12 @@
 """The kinds of mechanisms as data: what each is, its dimensions and what makes its kinematics."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Final
 
-from steptwin.features.arms.chain_geometry import ChainGeometry
-from steptwin.features.arms.serial_arm import serial_arm
 from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.features import giving
 from steptwin.host.robots.kinematics.bare_axes import AxesGeometry, bare_axes
 from steptwin.host.robots.kinematics.base import Kinematics
 from steptwin.host.robots.kinematics.cartesian import CartesianGeometry, gantry
@@ -21,6 +21,8 @@ from steptwin.host.robots.kinematics.paper_scaras import (
     teaching_scara,
     warehouse_scara,
 )
+from steptwin.host.robots.kinematics.serial.chain_geometry import ChainGeometry
+from steptwin.host.robots.kinematics.serial.serial_chain import SerialChain
 from steptwin.host.robots.kinematics.usual_scara import ScaraGeometry, usual_scara
 from steptwin.host.robots.robot import Robot
 
@@ -41,7 +43,7 @@ class Kind:
     make: Callable[[Robot], Kinematics]
 
 
-KINDS: Final[dict[str, Kind]] = {
+_KINDS: Final[dict[str, Kind]] = {
     "scara": Kind(
         "a SCARA: lift first, last or none; a tool that turns or not, up or down", ScaraGeometry, usual_scara
     ),
@@ -56,15 +58,26 @@ KINDS: Final[dict[str, Kind]] = {
     "hybrid-arm": Kind("a waist with a parallel mechanism of two sliders", HybridGeometry, HybridArm.of),
     "cartesian": Kind("a gantry: slides along x, y and z, and perhaps a rotary axis c", CartesianGeometry, gantry),
     "axes": Kind("1 to 8 joints without a tool: turntables, sliders, test benches", AxesGeometry, bare_axes),
-    "chain": Kind("1 to 8 joints in a row, turning or sliding: six-axis arms and others", ChainGeometry, serial_arm),
+    "chain": Kind(
+        "1 to 8 joints in a row, turning or sliding: six-axis arms and others", ChainGeometry, SerialChain.of
+    ),
 }
+
+
+@cache
+def kinds() -> Mapping[str, Kind]:
+    """Return the kinds by their names in robot files: the core's, of which features may replace some, and theirs."""
+    found = dict(_KINDS)
+    for _, given in giving("kinematics"):
+        found |= given()
+    return found
 
 
 def kind_named(name: str) -> Kind:
     """Return a kind by its name in robot files; raise InputError for an unknown one."""
-    if name not in KINDS:
-        raise unknown("kinematics.kind:", name, KINDS)
-    return KINDS[name]
+    if name not in kinds():
+        raise unknown("kinematics.kind:", name, kinds())
+    return kinds()[name]
 
 
 _KEPT: Final = 8

@@ -11,7 +11,6 @@ from steptwin.host.operate.inputs_outputs import WaitMade, waits_document
 from steptwin.host.planning.plan import Plan
 from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, keep_recording, prepare_folder, write_folder
 from steptwin.host.record.folder.writing import can_draw, draw_here
-from steptwin.host.record.path_error import beside_path
 from steptwin.host.twin.machine.boards import crystals_document
 from steptwin.host.verify import Comparison, Report
 from steptwin.protocol.frame import Frame
@@ -106,8 +105,6 @@ class Outcome:
         """Return the document that `steptwin run --json` prints."""
         document = self.report.to_dict() | {"driver_profile": self.driver_profile, "simulated": True}
         document |= waits_document(self.waits) | crystals_document(self.crystals_ppm)
-        if any(self.crystals_ppm) and (beside := beside_path(self.comparison)):
-            document["beside_path"] = {"mm_max": beside.mm, "at_s": beside.at_s}
         if self.axes_per_board:
             document["boards"] = list(self.axes_per_board)
         if self.operations:

@@ -1,6 +1,6 @@
-"""Give host programs the forms of the firmware's kernel: plain Python, compiled, on an emulated Cortex-M3, and C."""
+"""Give host programs the forms of the firmware's kernel: plain Python, compiled, and those of features."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import Final
@@ -13,49 +13,44 @@ from steptwin.controller.motion.kernel import TICKS_PER_MS
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.extras import installing
+from steptwin.host.common.features import giving
 from steptwin.host.planning.plan import Plan
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
 __all__ = [
-    "KERNELS",
     "Kernel",
     "fastest_kernel",
     "kernel_named",
+    "kernels",
     "soonest_is_compiled",
     "soonest_kernel",
     "telling_of_compiling",
 ]
 
 
-def _cortex_m3() -> Kernel:
-    from steptwin.features.kernel_c.core_kernel import cortex_m3_kernel
-
-    return cortex_m3_kernel()
+_FAST: Final = "numba"
+"""The form that an extra brings."""
 
 
-KERNELS: dict[str, Callable[[], Kernel]] = {**OWN_KERNELS, "cortex-m3": _cortex_m3}
-"""The forms of the kernel by name; all make the same edges."""
-
-_NEEDS = {"numba": ("numba", "fast"), "cortex-m3": ("unicorn", "m3")}
-"""The package that a form needs, and the extra that brings it."""
+def kernels() -> Mapping[str, Callable[[], Kernel]]:
+    """Return what makes the forms of the kernel, by name; all make the same edges."""
+    return dict(OWN_KERNELS) | {name: make for _, given in giving("kernels") for name, make in given().items()}
 
 
 def kernel_named(name: str) -> Kernel:
-    """Return a form of the kernel: "python", "numba" or "cortex-m3".
+    """Return a form of the kernel, such as "python" or "numba".
 
-    Raise InputError for another name, or if the extra or the compiler that it needs is not installed.
+    Raise InputError for another name, or if what it needs is not installed.
     """
-    from steptwin.features.kernel_c.image import CompilerMissingError
-
-    if name not in KERNELS:
-        raise unknown("kernel", name, KERNELS)
+    forms = kernels()
+    if name not in forms:
+        raise unknown("kernel", name, forms)
     try:
-        return KERNELS[name]()
+        return forms[name]()
     except ModuleNotFoundError as error:
-        package, extra = _NEEDS[name]
-        raise InputError(f"kernel {name}: {package} is not installed ({installing(extra)})") from error
-    except CompilerMissingError as error:
-        raise InputError(f"kernel {name}: {error}") from error
+        if name != _FAST:
+            raise
+        raise InputError(f"kernel {name}: {name} is not installed ({installing('fast')})") from error
 
 
 _LOADING_S: Final = 0.4

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.features.arms.serial_arm import SerialArm
+from steptwin.features.arms.six_axis_arm import SixAxisArm
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots import MACHINES, load_robot, read_robot
 from steptwin.host.robots.kinematics.kinds import make_kinematics
@@ -117,10 +117,10 @@ def arm(name: str) -> Robot:
     return load_robot(name) if name in MACHINES else read_robot(TEXTS[name])
 
 
-def kinematics_of(robot: Robot) -> SerialArm:
+def kinematics_of(robot: Robot) -> SixAxisArm:
     """The kinematics of a chain."""
     kinematics = make_kinematics(robot)
-    assert isinstance(kinematics, SerialArm)
+    assert isinstance(kinematics, SixAxisArm)
     return kinematics
 
 

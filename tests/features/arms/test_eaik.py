@@ -6,8 +6,8 @@ D. Ostermeier, J. Külz, M. Althoff, "Automatic geometric decomposition for anal
 import numpy as np
 import pytest
 
-from steptwin.features.arms.chain_geometry import axes_of
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.robots.kinematics.serial.chain_geometry import axes_of
 from steptwin.host.robots.poses.rotations import angle_deg, matrix
 from tests.features.arms.arms import arm, kinematics_of, random_joints
 

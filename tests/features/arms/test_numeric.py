@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from steptwin.features.arms.levenberg import PLACE_OFF_MM, TURN_OFF_DEG, Found, NumericInverse
-from steptwin.features.arms.serial_arm import NEAREST
 from steptwin.features.arms.spherical_wrist import NAMES
 from steptwin.host.robots import read_robot
 from steptwin.host.robots.kinematics.base import joint_constraints
+from steptwin.host.robots.kinematics.serial.levenberg import PLACE_OFF_MM, TURN_OFF_DEG, Found, NumericInverse
+from steptwin.host.robots.kinematics.serial.serial_chain import NEAREST, SerialChain
 from steptwin.host.robots.poses.base_frame import BaseFrame
 from steptwin.host.robots.robot import Robot
 from tests.features.arms.arms import AR4_LIMITS, AR4_ROWS, arm, chain_text, dh_entries, kinematics_of, random_joints
@@ -192,7 +192,7 @@ def test_the_wrists_speeds_are_those_of_the_whole_jacobian() -> None:
         assert kinematics.form is not None
         joints = joints[np.min(kinematics.form.measures(np.deg2rad(joints)), axis=0) > 0.05]
         tool = np.random.default_rng(9).normal(0.0, 30.0, (len(joints), 6))
-        whole = kinematics._numeric_velocities(joints, tool)  # noqa: SLF001
+        whole = SerialChain.joint_velocities(kinematics, joints, tool)
         assert kinematics.joint_velocities(joints, tool) == pytest.approx(whole, rel=1e-8, abs=1e-7)
 
 
@@ -202,7 +202,7 @@ def test_a_held_joint_and_a_turned_base_change_no_speeds() -> None:
     kinematics, joints = kinematics_of(robot).on(BaseFrame(100.0, 200.0, 300.0, 40.0)), random_joints(robot, 200)
     tool = np.random.default_rng(9).normal(0.0, 30.0, (len(joints), 6))
     assert kinematics.form is not None
-    whole = kinematics._numeric_velocities(joints, tool)  # noqa: SLF001
+    whole = SerialChain.joint_velocities(kinematics, joints, tool)
     clear = np.min(kinematics.form.measures(np.deg2rad(joints[:, 1:])), axis=0) > 0.05
     assert kinematics.joint_velocities(joints, tool)[clear] == pytest.approx(whole[clear], rel=1e-8, abs=1e-7)
 

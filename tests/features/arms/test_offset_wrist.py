@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from steptwin.features.arms.levenberg import PLACE_OFF_MM, TURN_OFF_DEG
 from steptwin.features.arms.offset_wrist import MISS_PART_MAX
 from steptwin.features.arms.spherical_wrist import NAMES
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots import read_robot
 from steptwin.host.robots.kinematics.base import Branch
+from steptwin.host.robots.kinematics.serial.levenberg import PLACE_OFF_MM, TURN_OFF_DEG
 from steptwin.host.robots.robot import Robot
 from tests.features.arms.arms import (
     AR4_LIMITS,

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from steptwin.features.arms.screws import CHUNK, screws_of
 from steptwin.host.robots.kinematics.dh import Convention, DhParameter, DhRow, DhTable
+from steptwin.host.robots.kinematics.serial.screws import CHUNK, screws_of
 from steptwin.host.robots.poses.base_frame import BaseFrame
 from steptwin.host.robots.poses.rotations import angle_deg, of_matrix, product, reversed_rotation, rotation_vector_deg
 from steptwin.host.robots.poses.rotations import turned as turned_vectors

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from steptwin.features.captures.clock_fit import fit_clock
-from steptwin.features.captures.clock_line import SeenSteps
+from steptwin.host.verify.clock_fit import fit_clock
+from steptwin.host.verify.clock_line import SeenSteps
 from steptwin.host.verify.oracle import IdealSteps, ideal_steps
 from tests.host.verify.motions import expect, motion, sines, trapezoid
 

@@ -11,10 +11,10 @@ import pytest
 from steptwin.features.captures.binary_files import MAGIC
 from steptwin.features.captures.capture import Capture, Channel
 from steptwin.features.captures.channel_map import capture_facts
-from steptwin.features.captures.clock_fit import fit_clock
-from steptwin.features.captures.clock_line import SeenSteps
 from steptwin.features.captures.reading import read_capture
 from steptwin.host.common.errors import InputError
+from steptwin.host.verify.clock_fit import fit_clock
+from steptwin.host.verify.clock_line import SeenSteps
 from steptwin.host.verify.oracle import IdealSteps
 
 HEAD = (

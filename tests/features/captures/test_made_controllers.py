@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from steptwin.features.captures.clock_fit import ClockFit, fit_clock
-from steptwin.features.captures.clock_line import SeenSteps
+from steptwin.host.verify.clock_fit import ClockFit, fit_clock
+from steptwin.host.verify.clock_line import SeenSteps
 from steptwin.host.verify.oracle import ideal_steps
 from tests.features.captures.controllers import RULES, Clock, Moves, made_steps
 

@@ -7,9 +7,10 @@ from typing import Final
 import numpy as np
 
 from steptwin.features.fastest.corners import JointLeg, ToolLeg
-from steptwin.features.fastest.pieces import FollowedPath, Pace
+from steptwin.features.fastest.pieces import FollowedPath
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.motions.tool_move import present_branch
+from steptwin.host.planning.motions.whole import Pace
 from steptwin.host.planning.paths import straight
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot

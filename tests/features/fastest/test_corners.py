@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from steptwin.features.fastest.corners import CornerError, MotionLeg, ToolLeg, flowing
-from steptwin.features.fastest.pieces import FollowedPath, Pace, ToolPiece
+from steptwin.features.fastest.corners import MotionLeg, ToolLeg, flowing
+from steptwin.features.fastest.pieces import FollowedPath, ToolPiece
 from steptwin.features.fastest.tool_rounding import ToolRounding
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.motions.tool_move import present_branch
+from steptwin.host.planning.motions.whole import CornerError, Pace
 from steptwin.host.planning.paths import Arc, StraightLine, straight
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics

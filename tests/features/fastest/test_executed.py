@@ -11,9 +11,9 @@ from steptwin.features.fastest.averaged import Averaged
 from steptwin.features.fastest.chain import timed_chains
 from steptwin.features.fastest.corners import flowing
 from steptwin.features.fastest.executed import TimedPath, timed
-from steptwin.features.fastest.pieces import Pace
 from steptwin.features.fastest.solve import fastest_squares
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.motions.whole import Pace
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.robot import Robot

@@ -10,9 +10,10 @@ from scipy.interpolate import PchipInterpolator
 
 from steptwin.features.fastest.chain import AVERAGE_S
 from steptwin.features.fastest.executed import UntimedError, timed
-from steptwin.features.fastest.pieces import FollowedPath, JointPiece, Pace, PiecewisePath
+from steptwin.features.fastest.pieces import FollowedPath, JointPiece, PiecewisePath
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.planning_time import PlanningTimeError, plan_within
+from steptwin.host.planning.motions.whole import Pace
 from steptwin.host.planning.paths import OutOfReachError, straight
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs import CompiledProgram, compile_program, read_program

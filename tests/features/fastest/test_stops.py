@@ -12,8 +12,9 @@ from steptwin.features.fastest.chain import TimedChain, timed_chains
 from steptwin.features.fastest.corners import JointLeg, RoundedLegs, ToolLeg, flowing
 from steptwin.features.fastest.executed import lasting_s, timed
 from steptwin.features.fastest.flow_path import FlowPath
-from steptwin.features.fastest.pieces import FollowedPath, Pace, PiecewisePath
+from steptwin.features.fastest.pieces import FollowedPath, PiecewisePath
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.motions.whole import Pace
 from steptwin.host.planning.paths import Arc
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics

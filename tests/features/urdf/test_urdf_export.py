@@ -6,12 +6,12 @@ from xml.etree.ElementTree import fromstring
 import numpy as np
 import pytest
 
-from steptwin.features.arms.rows import FixedFrame
 from steptwin.features.urdf.urdf_chain import frame_of
 from steptwin.features.urdf.urdf_export import TIP, urdf_of
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot, read_robot
 from steptwin.host.robots.kinematics.base import tool_frames
+from steptwin.host.robots.kinematics.serial.rows import FixedFrame
 from tests.features.arms.arms import TEXTS, chain_text, kinematics_of, random_joints
 from tests.features.urdf.test_urdf_chain import MIXED
 from tests.features.urdf.urdfs import robot_of

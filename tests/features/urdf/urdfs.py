@@ -5,7 +5,8 @@ from math import cos, sin
 from pathlib import Path
 from typing import Final
 
-from steptwin.features.urdf.urdf_robot import RobotOfUrdf, UrdfSource
+from steptwin.features.urdf.urdf_robot import UrdfSource
+from steptwin.host.robots.new_file import NewRobot
 
 LIMIT: Final = '<limit lower="-2" upper="2.5" effort="10" velocity="1"/>'
 Matrix = list[list[float]]
@@ -26,7 +27,7 @@ def urdf(*joints: str, links: str = "abcdefghij", inside: str = "") -> str:
 
 def robot_of(
     folder: Path, text: str, tip: str | None = None, base: str | None = None, *, snap: bool = False, **settings: str
-) -> RobotOfUrdf:
+) -> NewRobot:
     """The robot file of a URDF; settings are by JOINT__KEY."""
     path = folder / "r.urdf"
     path.write_text(text, encoding="utf-8")

@@ -16,7 +16,6 @@ from steptwin.features.view.model import POINTS_MAX, Edge, Replay, Span
 from steptwin.host.cli.app import run
 from steptwin.host.common.arrays import Int64Array
 from steptwin.host.common.errors import InputError
-from steptwin.host.record.animation import make_film
 from steptwin.host.record.folder.edges_file import PINS
 from steptwin.host.record.waveforms import pins
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
@@ -191,10 +190,3 @@ def test_other_folders_are_refused(tmp_path: Path, folder: Path) -> None:
             (tmp_path / path.name).symlink_to(path)
     with refusing(InputError):
         Replay.of_folder(tmp_path)
-
-
-def test_a_view_holds_the_whole_run(replay: Replay) -> None:
-    """The arm is looked at less often than in an animation, and takes the same space."""
-    film_mm = make_film(replay.run).extent_mm()
-    for end in (np.min, np.max):
-        assert end(replay.extent_mm, axis=0) == pytest.approx(end(film_mm, axis=0), abs=1.0)

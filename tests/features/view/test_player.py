@@ -5,8 +5,7 @@ import pytest
 
 from steptwin.features.view.marks import MarkKind, RunMark
 from steptwin.features.view.model import Replay
-from steptwin.features.view.page import Player
-from steptwin.host.record.animation import SPEEDS
+from steptwin.features.view.page import SPEEDS, Player
 from tests.host.record.machines import perfect_run
 from tests.host.verify.motions import ENABLE_COUNTS, START_COUNTS
 

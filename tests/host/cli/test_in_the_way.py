@@ -27,8 +27,6 @@ EXECUTE = "steptwin.host.twin.embedded.execution.execute"
         ("run teaching-scara carry", EXECUTE, "report.json"),
         ("run teaching-scara carry", EXECUTE, "trace.vcd"),
         pytest.param("run teaching-scara carry", EXECUTE, "timing.png", marks=PLOT),
-        ("paper teaching-scara", "steptwin.host.studies.papers.evaluated", "teaching-scara.md"),
-        ("paper teaching-scara", "steptwin.host.studies.papers.evaluated", "teaching-scara.html"),
         ("workspace teaching-scara", "steptwin.host.robots.workspace.scan", "cloud.csv"),
     ],
 )

@@ -17,7 +17,7 @@ from steptwin.host.operate.session import Session
 from steptwin.host.robots import load_robot, load_robot_file, read_robot, robot_names
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import dimensions
-from steptwin.host.robots.kinematics.kinds import KINDS
+from steptwin.host.robots.kinematics.kinds import kinds
 from steptwin.host.robots.new_file import robot_text, with_settings
 from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.protocol.drivers import PROFILES
@@ -30,7 +30,7 @@ SCARAS = [
 ]
 """Besides the usual SCARA: lift last, a tool that turns and points down."""
 CASES: list[tuple[str, dict[str, str]]] = [
-    *((kind, {}) for kind in KINDS),
+    *((kind, {}) for kind in kinds()),
     *(("scara", options) for options in SCARAS),
     ("cartesian", {"axes": "ZXYC", "Z.upper": "50"}),
     ("chain", {"J1.d_mm": "200", "J2.a_mm": "30", "J5.upper": "100"}),
@@ -75,7 +75,7 @@ def test_every_kind_makes_a_robot_that_runs(
         assert all(value is not None for value in pose.values())
 
 
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind in robot_names()])
+@pytest.mark.parametrize("kind", [kind for kind in kinds() if kind in robot_names()])
 def test_the_kinds_of_the_five_robots_begin_with_their_values(kind: str) -> None:
     ours, new = load_robot(kind), read_robot(robot_text("mine", kind, *with_settings(kind, {})))
     assert new.geometry == ours.geometry
@@ -120,7 +120,7 @@ def with_motors(text: str) -> str:
     return head + "\n".join(line.removeprefix("# ") for line in lines.splitlines()[3:]) + "\n"
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", kinds())
 def test_motors_are_comments_that_only_need_to_be_uncommented(kind: str) -> None:
     text = robot_text("mine", kind, *with_settings(kind, {}))
     bare, driven = read_robot(text), read_robot(with_motors(text))
@@ -157,7 +157,7 @@ def test_a_shorter_arm_is_the_usual_one_with_the_rest_at_0() -> None:
 def test_the_help_names_the_kinds_and_their_keys(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["new", "--help"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
-    for name, kind in KINDS.items():
+    for name, kind in kinds().items():
         assert f" {name}: {' '.join(dimensions(kind.geometry)) or 'no dimensions'} " in shown
 
 
@@ -287,7 +287,7 @@ def test_every_number_has_a_comment_or_a_plain_name() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", kinds())
 def test_every_kind_is_homed_as_it_stands(kind: str, fast_kernel: Kernel) -> None:
     """A board is made for the file; all axes find their limit switches, go to home and are fit to move."""
     robot = read_robot(robot_text("mine", kind, *with_settings(kind, {})))

@@ -21,14 +21,14 @@ def full(*_: object) -> None:
     ("words", "last"),
     [
         (("workspace", "lab-scara", "--samples", "50"), "steptwin.host.cli.robots.workspace.whole_file"),
-        (("calibrate", "calibration-scara", "{measured}"), "steptwin.host.cli.robots.calibrate._write_picture"),
+        (("calibrate", "calibration-scara", "{measured}"), "steptwin.host.cli.robots.calibrate._draw"),
     ],
 )
 def test_a_full_disk_leaves_the_folder(
     words: tuple[str, ...], last: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     measured = tmp_path / "measured.csv"
-    assert run(["measure", "calibration-scara", str(measured)]) == 0
+    assert run(["calibrate", "calibration-scara", str(measured), "--simulate", "50"]) == 0
     command = [*(word.format(measured=measured) for word in words), "--out", str(tmp_path / "out")]
     assert run(command) == 0
     (tmp_path / "out" / "own.txt").write_text("a user's file", encoding="utf-8")

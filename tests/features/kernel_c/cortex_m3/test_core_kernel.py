@@ -3,7 +3,6 @@
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from steptwin.controller.motion import kernel as k
@@ -12,8 +11,6 @@ from steptwin.features.kernel_c.image import COMPILER, build
 from steptwin.features.kernel_c.layout import BODY, kernel_files
 from steptwin.features.kernel_c.meter import Disassembly
 from steptwin.host.cli.app import run
-from steptwin.host.studies.step_methods.kernel import place_once
-from steptwin.host.studies.step_methods.motions import PlannedMotion, all_motions
 from tests.controller.motion.kernel_rig import KernelRig
 from tests.end_to_end.fingerprints import INTEGERS, fingerprint
 from tests.features.kernel_c.scenarios import play, scenario
@@ -25,22 +22,6 @@ if shutil.which(COMPILER) is None:
 
 from steptwin.features.kernel_c.core_kernel import cortex_m3_kernel, kernel_of
 from tests.messages import refusing
-
-
-@pytest.fixture(scope="module")
-def motions() -> dict[str, PlannedMotion]:
-    """Return the motions of the benchmark by name."""
-    return {motion.name: motion for motion in all_motions()}
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param("warehouse-scara pull-line", marks=pytest.mark.slow), "teaching-scara carry"]
-)
-def test_motions_of_the_benchmark(name: str, motions: dict[str, PlannedMotion], fast_kernel: Kernel) -> None:
-    on_core, expected = (place_once(kernel, motions[name]).axes for kernel in (cortex_m3_kernel(), fast_kernel))
-    for own, other in zip(on_core, expected, strict=True):
-        for field in ("rise_counts", "fall_counts", "dir_counts", "dir_levels"):
-            assert np.array_equal(getattr(own, field), getattr(other, field)), field
 
 
 @pytest.mark.slow

@@ -9,12 +9,13 @@ from steptwin.features.fastest.chain import driven
 from steptwin.features.fastest.corners import JointLeg, flowing
 from steptwin.features.fastest.drives import LoadChange, PathLoad
 from steptwin.features.fastest.flow_path import FlowPath
-from steptwin.features.fastest.pieces import Pace, PiecewisePath
+from steptwin.features.fastest.pieces import PiecewisePath
 from steptwin.features.motors.limits import motor_forecast, motor_limits
 from steptwin.features.motors.turning import motors_of_run
 from steptwin.features.motors.turning.after_run import first_slip
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.motions.whole import Pace
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs import CompiledProgram, compile_program, parse_program, read_program
 from steptwin.host.robots import load_robot

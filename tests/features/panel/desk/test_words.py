@@ -23,7 +23,6 @@ ELSEWHERE = {
     "points.py": "the page gives no elbow for a file",
     "ros_points.py": "the option is one of ros2, with which the user has printed the file",
     "rosbridge": "only the command `ros2-bridge` speaks to ROS",
-    "foreign.py": "only the command `convert` reads programs of other makers",
 }
 """Modules and folders of which an error with an option of the command line cannot reach a page, and why."""
 JARGON = re.compile(

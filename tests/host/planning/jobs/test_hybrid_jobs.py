@@ -11,8 +11,8 @@ from steptwin.host.planning.planner import plan
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
-from steptwin.host.robots.kinematics.loop_closure import LoopClosure
 from steptwin.host.robots.robot import Robot
+from tests.host.robots.kinematics.loop_closure import LoopClosure
 from tests.host.robots.kinematics.mechanisms import with_geometry
 from tests.messages import refusing
 

@@ -5,10 +5,10 @@ import pytest
 
 from steptwin.features.fastest.chain import AVERAGE_S, timed_chains
 from steptwin.features.fastest.corners import JointLeg
-from steptwin.features.fastest.pieces import Pace
 from steptwin.host.planning.motions.composer import Sequence
 from steptwin.host.planning.motions.sampled import Sampled
 from steptwin.host.planning.motions.stretched import Stretched
+from steptwin.host.planning.motions.whole import Pace
 from steptwin.host.planning.planner import plan, plan_stretched
 from steptwin.host.robots import load_robot
 

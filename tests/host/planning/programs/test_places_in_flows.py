@@ -10,12 +10,13 @@ import pytest
 
 from steptwin.features.fastest.chain import ChainDrives
 from steptwin.features.fastest.corners import flowing
-from steptwin.features.fastest.drives import DriveLimits, LoadChange
+from steptwin.features.fastest.drives import LoadChange
+from steptwin.features.fastest.flowing_legs import FlowingLegs
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.drives import DriveLimits
 from steptwin.host.planning.motions.tool_move import present_branch
 from steptwin.host.planning.paths import StraightLine
 from steptwin.host.planning.programs import CompiledProgram
-from steptwin.host.planning.programs.flowing import FlowingLegs
 from steptwin.host.planning.programs.paces import JointPace, ToolPace
 from tests.host.planning.programs.test_compiling import tool
 from tests.host.planning.programs.test_flowing import ROBOT, compiled

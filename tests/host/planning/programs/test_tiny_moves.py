@@ -157,11 +157,13 @@ def test_the_cells_of_all_pallets_are_bounded_together(monkeypatch: pytest.Monke
 
 
 def test_the_gcode_of_all_steps_is_bounded_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("steptwin.host.planning.programs.program_file.GCODE_BYTES_MAX", 20)
+    monkeypatch.setattr("steptwin.host.planning.programs.program_file.STEP_FILES_BYTES_MAX", 20)
     (tmp_path / "a.ngc").write_text("G0 X1\n", encoding="utf-8")
     found = Findings()
     parse_program(5 * '[[step]]\ngcode = "a.ngc"\n', found, tmp_path)
-    assert found.messages[0].startswith("step 4: a.ngc: the program's files of G-code have more than 20 bytes together")
+    assert found.messages[0].startswith(
+        "step 4: a.ngc: the files of the program's steps have more than 20 bytes together"
+    )
     assert len(found.messages) == 2
 
 

@@ -16,7 +16,6 @@ from steptwin.host.record.plots.in_space import (  # noqa: E402
     dimension_names,
     draw_arm_in_space,
     draw_link_frames,
-    draw_path_in_space,
 )
 from steptwin.host.robots import load_robot, robot_names  # noqa: E402
 from steptwin.host.robots.kinematics import make_kinematics  # noqa: E402
@@ -82,25 +81,6 @@ def test_the_arm_is_in_view_with_equal_scales(name: str) -> None:
         assert low - 1e-6 <= value <= high + 1e-6
         spans.append(high - low)
     assert np.array(spans) / max(spans) == pytest.approx(axes.get_box_aspect() / max(axes.get_box_aspect()))
-
-
-@pytest.mark.slow
-def test_a_path_is_drawn_twice_and_alike_each_time() -> None:
-    robot = load_robot("lab-scara")
-    angle = np.linspace(0.0, 6.0, 50)
-    path_mm = np.column_stack([-300 + 50 * np.cos(angle), 400 + 50 * np.sin(angle), angle])
-
-    def drawn() -> tuple[Any, bytes]:
-        figure = draw_path_in_space(robot, path_mm, path_mm + 1.0, np.array(robot.home))
-        figure.savefig(png := BytesIO(), format="png")
-        return figure, png.getvalue()
-
-    figure, png = drawn()
-    for axes in figure.axes:
-        lines = {line.get_label(): np.array(line.get_data_3d()).T for line in axes.get_lines()}
-        assert lines["prescribed"] == pytest.approx(path_mm)
-        assert lines["by the joints"] == pytest.approx(path_mm + 1.0)
-    assert drawn()[1] == png
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,266 @@
+"""The kinematics of a chain of joints whose inverse has a closed form, or nearly one.
+
+An arm with a spherical wrist has eight branches in closed form. One whose wrist's axes miss one point has the branches
+of its neighbour, whose axes meet. Any other chain is solved numerically, as the core does.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import pairwise
+from math import inf
+from typing import Final
+
+import numpy as np
+
+from steptwin.features.arms.following_form import follow, joints_near
+from steptwin.features.arms.offset_wrist import OffsetWrist, neighbour_of
+from steptwin.features.arms.spherical_wrist import NAMES, Solved, SphericalWrist, closed_form, why_not
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.robots.kinematics.base import Branch, Constraint, joint_constraints, nearest_turns
+from steptwin.host.robots.kinematics.dh import DhTable
+from steptwin.host.robots.kinematics.serial.chain_geometry import ArmAxes, axes_of
+from steptwin.host.robots.kinematics.serial.following import find_along
+from steptwin.host.robots.kinematics.serial.screws import screws_of
+from steptwin.host.robots.kinematics.serial.serial_chain import NEAR, NEAREST, SINGULAR_DET, SerialChain, measure
+from steptwin.host.robots.poses import POSE, Task
+from steptwin.host.robots.poses.base_frame import STATION
+from steptwin.host.robots.poses.rotations import of_rotation_vector, product, turned, wrapped_deg
+
+SINGULAR: Final = 0.005
+"""Least part of the reach from axis 1, and least sine of the elbow, below which an arm is near singular."""
+_NEAR_WHAT: Final = ("near where the wrist meets axis 1", "near the stretched elbow", "near the stretched wrist")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SixAxisArm(SerialChain):
+    """The kinematics of a chain with the branches that its shape names; implements Kinematics."""
+
+    @property
+    def branches(self) -> tuple[str, ...]:
+        """The names by the arm's shape, or the chain's for one whose shape names none."""
+        return NAMES if self.form or self.neighbour else (NEAREST,)
+
+    @property
+    def has_closed_form(self) -> bool:
+        """True for an arm with a spherical wrist."""
+        return self.form is not None
+
+    @property
+    def inverse_words(self) -> str:
+        """How poses become joints, in a few words."""
+        if self.form:
+            return "in closed form: axes 2 and 3 are parallel, axes 4, 5 and 6 meet in a point"
+        start = "the branches of an arm whose wrist's axes meet" if self.neighbour else "the present joints"
+        return f"numeric, from {start}: {self._why_numeric}"
+
+    @property
+    def _axes(self) -> ArmAxes:
+        return axes_of(self.dh, self.names)
+
+    @property
+    def _why_numeric(self) -> str:
+        return _why_numeric(self.dh, self.names, self.held, self.task)
+
+    @property
+    def form(self) -> SphericalWrist | None:
+        """The closed form, if the arm has one."""
+        if self._why_numeric:
+            return None
+        return closed_form(_free_axes(self.dh, self.names, self.held))
+
+    @property
+    def neighbour(self) -> SphericalWrist | None:
+        """The closed form of the arm whose wrist's axes meet, if this one's miss a point by little."""
+        if self.form or self.task is not POSE or not _is_first(self.held):
+            return None
+        return neighbour_of(_free_axes(self.dh, self.names, self.held), self.reach_mm)
+
+    # --- inverse
+
+    def inverse(self, poses: FloatArray, near: FloatArray | None = None) -> tuple[Branch, ...]:
+        """Return every branch for poses of shape (n, task.width); of a chain without names the solutions found."""
+        if self.form:
+            standing = self.standing(poses, near)
+            solved = self.form.solve_all(self._from_base(poses, standing), np.deg2rad(standing[..., self.free]))
+            return tuple(self._branch(name, each, standing, near) for name, each in solved.items())
+        if self.neighbour:
+            return self._beside(self.neighbour, NAMES, poses, near)
+        return SerialChain.inverse(self, poses, near)
+
+    def solve(self, poses: FloatArray, branch: str, near: FloatArray | None = None) -> Branch:
+        """Return one branch, by its name."""
+        if self.neighbour:
+            (found,) = self._beside(self.neighbour, (branch,), poses, near)
+            return found
+        if self.form is None:
+            return SerialChain.solve(self, poses, branch, near)
+        standing = self.standing(poses, near)
+        start = np.deg2rad(standing[:, self.free])
+        return self._branch(
+            branch, self.form.solve(self._from_base(poses, standing), self.form.signs[branch], start), standing, near
+        )
+
+    def _beside(
+        self, form: SphericalWrist, names: tuple[str, ...], poses: FloatArray, near: FloatArray | None
+    ) -> tuple[Branch, ...]:
+        """Return branches of an arm whose neighbour has a closed form."""
+        standing = self.standing(poses, near)
+        numeric, own = self.numeric, screws_of(replace(self.dh, base=STATION), self.names)
+        found = OffsetWrist(form, numeric, own).find(names, poses, self._from_base(poses, standing), standing)
+        return tuple(self.found(name, each, near, self._reached(form, solved)) for name, solved, each in found)
+
+    def _from_base(self, poses: FloatArray, standing: FloatArray) -> FloatArray:
+        """Return whole poses in the base's frame, as if the joints that are held were at 0."""
+        base = self.dh.base
+        if base == STATION and not self.held:
+            return poses
+        place = poses[:, :3] - np.array([base.x_mm, base.y_mm, base.z_mm])
+        back = of_rotation_vector(np.array([0.0, 0.0, -base.phi_deg]))
+        place, rotation = turned(place, back), product(back, poses[:, 3:])
+        axes = self._axes
+        for column in self.held:
+            k, at = axes.directions[column], standing[:, column, np.newaxis]
+            if axes.slides[column]:
+                place = place - at * k
+            else:
+                back = of_rotation_vector(-at * k)
+                place = turned(place - axes.points_mm[column], back) + axes.points_mm[column]
+                rotation = product(back, rotation)
+        return np.column_stack([place, rotation])
+
+    def _joints(self, solved: Solved, standing: FloatArray) -> FloatArray:
+        """Return joints of shape (n, joints), in degrees and mm, of a branch."""
+        joints = standing.copy()
+        joints[:, self.free] = wrapped_deg(np.rad2deg(solved.joints))
+        return joints
+
+    def _branch(self, name: str, solved: Solved, standing: FloatArray, near: FloatArray | None) -> Branch:
+        joints = self._joints(solved, standing)
+        nearest_turns(self.limits, joints, near)
+        assert self.form is not None
+        return Branch(name, joints, self._reached(self.form, solved), joint_constraints(self.limits, joints))
+
+    def _reached(self, form: SphericalWrist, solved: Solved) -> tuple[Constraint, ...]:
+        """Return the constraints of a branch in closed form."""
+        reach = solved.reach
+        upper_mm, fore_mm = form.lengths_mm
+        found, offset_mm = np.isfinite(solved.joints[:, 0]), abs(form.offset_mm)
+        beside = np.isnan(reach.shoulder_mm)
+        nearest_mm, farthest_mm = abs(upper_mm - fore_mm), upper_mm + fore_mm
+        return (
+            Constraint("axis 1 to wrist", "mm", reach.axis_mm, offset_mm, inf, ~beside),
+            Constraint("shoulder to wrist", "mm", reach.shoulder_mm, nearest_mm, farthest_mm, found | beside),
+            *([] if form.is_square else [_bend(reach.beside)]),
+        )
+
+    # --- along a path
+
+    def along(self, poses: FloatArray, branch: str, near: FloatArray) -> Branch:
+        """Return the joints along a path that begins near joints of shape (joints,), on whatever branch is near there.
+
+        Each pose takes the branch nearest to the joints before it; `changes` tells where that is another one.
+        """
+        if self.form is None:
+            return (
+                self._found_along(self.neighbour, poses, near)
+                if self.neighbour
+                else SerialChain.along(self, poses, branch, near)
+            )
+        standing, free = self.standing(poses, near), list(self.free)
+        last = np.asarray(near[free], dtype=np.float64)
+        followed = follow(self.form, self._from_base(poses, standing), last)
+        standing[:, free] = followed.joints
+        reached, limits = self._reached(self.form, followed.solved), joint_constraints(self.limits, standing)
+        return Branch(followed.first, standing, reached, limits, followed.changes)
+
+    def _found_along(self, neighbour: SphericalWrist, poses: FloatArray, near: FloatArray) -> Branch:
+        """Return the joints along a path, and the names that their shape has."""
+        found = find_along(self.numeric, poses, near)
+        names = neighbour.names_of(np.deg2rad(found.joints[:, self.free]))
+        changes = ((i, name) for i, (before, name) in enumerate(pairwise(names), start=1) if name != before)
+        limits = joint_constraints(self.limits, found.joints)
+        return Branch(names[0], found.joints, (self.off(found),), limits, tuple(changes))
+
+    def at(self, poses: FloatArray, branch: str, near: FloatArray, guides: FloatArray) -> FloatArray:
+        """Return joints of shape (n, joints) at poses of a path, nearest to guides of that shape."""
+        if self.form is None:
+            return SerialChain.at(self, poses, branch, near, guides)
+        joints, free = guides.copy(), list(self.free)
+        joints[:, free] = joints_near(self.form, self._from_base(poses, guides), guides[:, free])
+        return joints
+
+    # --- singularities and velocities
+
+    def singularities(self, joints: FloatArray) -> tuple[Constraint, ...]:
+        """Return what must stay away from 0: not the wrist's sine, since a path goes straight through its zero."""
+        if self.form is None:
+            return SerialChain.singularities(self, joints)
+        ahead, elbow, _ = self.form.measures(np.deg2rad(joints[:, self.free]))
+        first, third = self.names[self.free[0]], self.names[self.free[2]]
+        return (
+            measure(f"{first}: near singular, the wrist beside its axis as a part of the reach", ahead, SINGULAR),
+            measure(f"{third}: near singular, |sin| of the elbow", elbow, SINGULAR),
+        )
+
+    def near_what(self, joints: FloatArray) -> str:
+        """Return near which singularity joints of shape (joints,) are, in words; an empty text if near none."""
+        if self.form is None:
+            return SerialChain.near_what(self, joints)
+        measures = self.form.measures(np.deg2rad(joints[np.newaxis, self.free]))
+        nearest = int(np.argmin([each[0] for each in measures]))
+        return _NEAR_WHAT[nearest] if measures[nearest][0] < NEAR else ""
+
+    def joint_velocities(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
+        """Return joint velocities for tool velocities of shape (n, task.rates), where singular by least squares."""
+        velocities, singular = np.zeros_like(joints), np.ones(len(joints), np.bool_)
+        if self.form:
+            of_base = (self._turned_back(tool_velocities[:, part], joints) for part in (slice(3), slice(3, 6)))
+            moves_mm, turns_deg = of_base
+            rates, det = self.form.rates.of(np.deg2rad(joints[:, self.free]), moves_mm, np.deg2rad(turns_deg))
+            singular = ~(np.abs(det) > SINGULAR_DET * self.reach_mm**3)
+            velocities[:, self.free] = np.rad2deg(rates)
+        if singular.any():
+            velocities[singular] = SerialChain.joint_velocities(self, joints[singular], tool_velocities[singular])
+        return velocities
+
+    def _turned_back(self, vectors: FloatArray, standing: FloatArray) -> FloatArray:
+        """Return vectors of shape (n, 3) in the base's frame, as if the joints that are held were at 0."""
+        axes = self._axes
+        if self.dh.base.phi_deg:
+            vectors = turned(vectors, of_rotation_vector(np.array([0.0, 0.0, -self.dh.base.phi_deg])))
+        for column in self.held:
+            if not axes.slides[column]:
+                back = of_rotation_vector(-standing[:, column, np.newaxis] * axes.directions[column])
+                vectors = turned(vectors, back)
+        return vectors
+
+
+def _bend(beside: FloatArray) -> Constraint:
+    return Constraint("cosine of the wrist's bend", "", beside, -1.0, 1.0, np.abs(beside) <= 1.0 + 1e-12)
+
+
+# --- making
+
+
+@lru_cache(maxsize=16)
+def _why_numeric(dh: DhTable, names: tuple[str, ...], held: tuple[int, ...], task: Task) -> str:
+    """Return why a chain's inverse is numeric; an empty text if it has a closed form."""
+    if task is not POSE:
+        return f"the tool is told a {task.name}"
+    if not _is_first(held):
+        return "a joint amid the arm is held"
+    return why_not(_free_axes(dh, names, held))
+
+
+def _is_first(held: tuple[int, ...]) -> bool:
+    """Return whether the joints that are held come first in the chain."""
+    return held == tuple(range(len(held)))
+
+
+@lru_cache(maxsize=16)
+def _free_axes(dh: DhTable, names: tuple[str, ...], held: tuple[int, ...]) -> ArmAxes:
+    """Return the axes of the joints that are not held, which come first in the chain."""
+    axes, first = axes_of(dh, names), len(held)
+    return ArmAxes(
+        axes.directions[first:], axes.points_mm[first:], axes.slides[first:], axes.home_mm, axes.home_rotation
+    )

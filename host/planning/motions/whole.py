@@ -1,0 +1,104 @@
+"""Motions that are timed as a whole, as fast as limits allow: what the core asks of the feature that times them."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Protocol
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import giving
+from steptwin.host.planning.drives import DriveLimits
+from steptwin.host.robots.robot import Robot
+
+if TYPE_CHECKING:
+    from steptwin.host.planning.motions.composer import Composer, Sequence
+    from steptwin.host.planning.paths import ToolPath
+    from steptwin.host.planning.programs.flow import LegTime
+    from steptwin.host.planning.programs.paces import StepPace, ToolPace
+    from steptwin.host.planning.trajectory import Trajectory
+
+FASTEST: Final = "fastest"
+"""The value of a `law` that stands for such a timing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """What limits a piece of a path.
+
+    Attributes:
+        percent: percentage of the limits of joints and axes, above 0 and up to 100.
+        tool_mm_s: highest speed of the tool; infinite without one.
+        tool_deg_s: highest speed at which it turns in space; infinite without one.
+    """
+
+    percent: float = 100.0
+    tool_mm_s: float = np.inf
+    tool_deg_s: float = np.inf
+
+
+class CornerError(InputError):
+    """A corner cannot be rounded so; `corner` is its number among those of the motion, from 0 on."""
+
+    def __init__(self, corner: int, message: str) -> None:
+        super().__init__(message)
+        self.corner = corner
+
+
+class FlowingSteps(Protocol):
+    """Legs of a motion that flow into each other and have not ended yet."""
+
+    @property
+    def start(self) -> FloatArray:
+        """Joints of shape (joints,) where the first leg begins."""
+        ...
+
+    @property
+    def is_open(self) -> bool:
+        """True if the last leg flows on."""
+        ...
+
+    def __len__(self) -> int:
+        """Return the number of legs."""
+        ...
+
+    def add_joints(self, here: FloatArray, goal: FloatArray, pace: "StepPace") -> FloatArray:
+        """Add a move of all joints from here to a position; return where it ends."""
+        ...
+
+    def add_path(self, here: FloatArray, path: "ToolPath", branch: str, pace: "ToolPace") -> FloatArray:
+        """Add a path of the tool from here on a branch; return the joints at its end."""
+        ...
+
+    def make(self, composer: "Composer") -> "list[LegTime]":
+        """Add the motion of all legs to a composer that stands at their start; return the time of each leg.
+
+        Raises:
+            CornerError: a corner cannot be rounded.
+        """
+        ...
+
+
+class MotionTimer(Protocol):
+    """Times motions as a whole, as fast as the limits of joints, axes and drives allow."""
+
+    def again(self, robot: Robot, motion: "Trajectory", drives: DriveLimits | None = None) -> "Sequence":
+        """Return a motion along a motion's path, in its own time; raise InputError if there is none."""
+        ...
+
+    def flow(self, robot: Robot, start: FloatArray, drives: DriveLimits | None) -> FlowingSteps:
+        """Return a flow without legs that begins at joints of shape (joints,)."""
+        ...
+
+
+def has_timer() -> bool:
+    """Return whether a feature times motions as a whole."""
+    return bool(giving("timer"))
+
+
+def motion_timer() -> MotionTimer:
+    """Return what times motions as a whole; raise InputError if no feature does."""
+    for _, make in giving("timer"):
+        timer: MotionTimer = make()
+        return timer
+    raise InputError(f"law={FASTEST} and blend_mm are not installed: no feature times motions as a whole")

@@ -1,0 +1,91 @@
+"""When the steps of a program are made that flow into each other, and outputs that change on their way."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil
+from typing import Final
+
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.drives import DriveAnswer
+from steptwin.host.planning.motions.composer import Composer
+from steptwin.host.planning.motions.whole import FlowingSteps
+from steptwin.host.planning.programs.paces import OnTheWay
+from steptwin.host.planning.trajectory import Switching, Trajectory
+
+_WHOLE_MS: Final = 1e-6
+"""Part of a millisecond by which a time may be after a whole one and still count as it."""
+
+
+BranchesOnWay = tuple[str, tuple[tuple[float, str], ...]]
+"""The branch on which the arm begins a path, and the times from which on it is on another one, and its name."""
+
+
+@dataclass(frozen=True, slots=True)
+class LegTime:
+    """When a step that flowed was made.
+
+    Attributes:
+        from_s: time of the sequence when it begins, where the corner before it is passed.
+        until_s: time when it ends.
+        motion: its part of the motion.
+        branches: branches on which the arm is; none for a step that leads no tool along a path.
+        passes_mm: distance at which the corner at its end is passed; None at the end of the motion.
+        stops: True if it stops at its end although it need not, since that is faster.
+        switched: outputs that change on its way.
+        drives: what the motors say of the whole motion that ends with it; None elsewhere.
+    """
+
+    from_s: float
+    until_s: float
+    motion: Trajectory
+    branches: BranchesOnWay = ("", ())
+    passes_mm: float | None = None
+    stops: bool = False
+    switched: tuple[Switching, ...] = ()
+    drives: DriveAnswer | None = None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What becomes of the corner at the step's end, and which outputs change, in words."""
+        notes = [switching_words(change) for change in self.switched]
+        if self.stops:
+            notes.append("stops at its end, which is faster than rounding the corner")
+        elif self.passes_mm is not None:
+            notes.append(f"passes the corner at {self.passes_mm:.3f} mm")
+        return tuple(notes)
+
+
+def switching_words(change: Switching) -> str:
+    """Return a change of an output in words."""
+    return f"{change.output} {'on' if change.on else 'off'} at {change.from_s:.3f} s"
+
+
+LATE_S: Final = 0.01
+"""Time by which an output must have changed after it may: a record's begin is seen a few milliseconds later."""
+
+
+def switch_on_way(
+    composer: Composer, outputs: Sequence[OnTheWay], times_s: Sequence[float], begins_s: float
+) -> tuple[Switching, ...]:
+    """Let outputs change on a motion that begins at a time of the composer's sequence; return the changes.
+
+    `times_s` says when the motion is at the place of each, from its begin on. Raises InputError for a change that would
+    come before the motion.
+    """
+    changes = []
+    for each, there_s in zip(outputs, times_s, strict=True):
+        own_s = there_s - each.ahead_s
+        if own_s < 0:
+            raise InputError(
+                f"outputs.{each.output}: ahead_s: {each.ahead_s:g} s is {-own_s:.3f} s before the motion begins"
+            )
+        from_s = ceil(1000 * (begins_s + own_s) - _WHOLE_MS) / 1000
+        changes.append(Switching(each.output, each.on, from_s, from_s + LATE_S, on_the_way=True))
+    composer.add_switchings(changes)
+    return tuple(changes)
+
+
+def check_none_gathered(legs: FlowingSteps | None, what: str) -> None:
+    """Raise InputError if a step flows on into something that begins at rest."""
+    if legs is not None and legs.is_open:
+        raise InputError(f"{what} begins at rest, but the step before flows on: leave its blend_mm out")

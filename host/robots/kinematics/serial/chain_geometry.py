@@ -1,0 +1,277 @@
+"""The kind `chain`: 1 to 8 joints in a row, each turning or sliding, in one of three notations.
+
+modified-dh    theta_deg, alpha_deg, d_mm, a_mm of each joint, as J. J. Craig has them: alpha and a before the joint
+standard-dh    the same four, alpha and a behind the joint
+urdf           xyz_mm, rpy_deg and axis of each joint: its place in the frame before it, and the axis there
+"""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import lru_cache, partial
+from typing import Any, Final
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import check_all
+from steptwin.host.common.tables import Reading, Table, number_at
+from steptwin.host.robots.joint import Unit
+from steptwin.host.robots.kinematics.base import dimension
+from steptwin.host.robots.kinematics.dh import Convention, DhParameter, DhRow, DhTable
+from steptwin.host.robots.kinematics.serial.rows import FixedFrame, fixed_rows, rows_around, turned_onto
+from steptwin.host.robots.poses import DIRECTION_TASK, POSE, POSITION, Task
+from steptwin.host.robots.poses.base_frame import STATION
+from steptwin.host.robots.poses.rotations import of_matrix, rpy_deg
+
+JOINTS_MAX: Final = 8
+_DECIMALS: Final = 9
+AXIS_LEAST: Final = 1e-6
+"""Least length of an axis; it is made 1."""
+
+
+class Notation(StrEnum):
+    """The notation of a chain's joints."""
+
+    MODIFIED_DH = "modified-dh"
+    STANDARD_DH = "standard-dh"
+    URDF = "urdf"
+
+
+class ToolTask(StrEnum):
+    """What a chain's tool can be told; by default what its joints suffice for."""
+
+    POSE = "pose"
+    DIRECTION = "direction"
+    POSITION = "position"
+    BY_JOINTS = "by-joints"
+
+
+TASKS: Final[dict[ToolTask, tuple[Task, int]]] = {
+    ToolTask.POSE: (POSE, 6),
+    ToolTask.DIRECTION: (DIRECTION_TASK, 5),
+    ToolTask.POSITION: (POSITION, 3),
+}
+"""The tasks, each with the number of joints that it determines."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChainJoint:
+    """A joint of a chain as its notation describes it, with 0 for what that does not have.
+
+    Attributes:
+        slides: true for a joint that slides along its axis.
+        theta_deg: DH parameter of the row; likewise alpha_deg, d_mm and a_mm. The joint's position is added to its own.
+        xyz_mm: place in the frame before; likewise rpy_deg.
+        axis: axis in this frame, of any length.
+    """
+
+    slides: bool = False
+    theta_deg: float = 0.0
+    alpha_deg: float = 0.0
+    d_mm: float = 0.0
+    a_mm: float = 0.0
+    xyz_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rpy_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        if not float(np.linalg.norm(self.axis)) >= AXIS_LEAST:
+            raise InputError("axis: 0 0 0 is no direction; 0 0 1 is along z")
+
+
+def _triple(table: Table, key: str) -> tuple[float, float, float]:
+    values = table.elements(key)
+    if len(values) != 3:
+        raise InputError(f"{key}: has {len(values)} numbers, it takes 3: x, y, z")
+    x, y, z = (number_at(f"{key}[{i}]", value) for i, value in enumerate(values))
+    return x, y, z
+
+
+def _frame(table: Table, key: str) -> FixedFrame:
+    with table.section(key) as section:
+        values = section.read({}, dict.fromkeys(("xyz_mm", "rpy_deg"), _triple))
+    return FixedFrame(**{name: value for name, value in values.items() if value is not None})
+
+
+_DH_KEYS: Final[dict[str, Reading]] = dict.fromkeys(("theta_deg", "alpha_deg", "d_mm", "a_mm"), Table.number)
+_URDF_KEYS: Final[dict[str, Reading]] = dict.fromkeys(("xyz_mm", "rpy_deg", "axis"), _triple)
+
+
+Chain = tuple[tuple[str, ChainJoint], ...]
+"""The joints of a chain with their names, from the base to the tool."""
+
+
+def _chain(table: Table, key: str) -> Chain:
+    """Return the joints; their keys are those of the notation beside them."""
+    keys = _URDF_KEYS if table.values.get("notation") == Notation.URDF else _DH_KEYS
+    with table.section(key) as section:
+        return tuple(section.read(dict.fromkeys(section, partial(_joint, keys))).items())
+
+
+def _joint(keys: Mapping[str, Reading], table: Table, key: str) -> ChainJoint:
+    required = keys if keys is _DH_KEYS else {}
+    optional = {"slides": Table.truth, **({} if keys is _DH_KEYS else keys)}
+    with table.section(key) as section:
+        values = section.read(required, optional)
+        return ChainJoint(**{name: value for name, value in values.items() if value is not None})
+
+
+def _names(table: Table, key: str) -> tuple[str, ...]:
+    names = table.elements(key)
+    if strange := [f"{key}[{i}]: is not a text" for i, name in enumerate(names) if not isinstance(name, str)]:
+        raise InputError(*strange)
+    return tuple(map(str, names))
+
+
+TOOLS_NAMES: Final = frozenset({"x", "y", "z", "phi", "rx", "ry", "rz", "roll", "pitch", "yaw", "dx", "dy", "dz"})
+"""Names that coordinates of the tool have in programs, files and commands: no joint may have them."""
+
+
+def check_joint_names(key: str, names: Collection[str]) -> None:
+    """Raise InputError, under a key of a robot file, for joints with the name of a coordinate, or for too many."""
+    if not 1 <= len(names) <= JOINTS_MAX:
+        raise InputError(f"{key}: {len(names)} joints, a board drives 1 to {JOINTS_MAX}")
+    if taken := [name for name in names if name in TOOLS_NAMES]:
+        raise InputError(*(f"{key}.{name}: is the name of a coordinate of the tool; J{name} is free" for name in taken))
+
+
+_SIX_AXES: Final[dict[str, dict[str, float]]] = {
+    "J1": {"theta_deg": 0.0, "alpha_deg": 0.0, "d_mm": 170.0, "a_mm": 0.0},
+    "J2": {"theta_deg": -90.0, "alpha_deg": -90.0, "d_mm": 0.0, "a_mm": 60.0},
+    "J3": {"theta_deg": 0.0, "alpha_deg": 0.0, "d_mm": 0.0, "a_mm": 300.0},
+    "J4": {"theta_deg": 0.0, "alpha_deg": -90.0, "d_mm": 220.0, "a_mm": 0.0},
+    "J5": {"theta_deg": 0.0, "alpha_deg": 90.0, "d_mm": 0.0, "a_mm": 0.0},
+    "J6": {"theta_deg": 180.0, "alpha_deg": -90.0, "d_mm": 40.0, "a_mm": 0.0},
+}
+"""A six-axis arm of the usual shape, with which a new robot begins."""
+
+
+def usual_arm(joints: int) -> dict[str, Any]:
+    """Return the dimensions of an arm of the first 1 to 6 joints of the usual one, whose others stay at 0 in the tool.
+
+    Four joints are one more than a place takes: the last, which turns the tool about itself, stays where it is.
+    """
+    names, rows = list(_SIX_AXES), list(_SIX_AXES.values())
+    rest = (
+        DhRow(row["alpha_deg"], row["a_mm"], DhParameter(row["d_mm"]), DhParameter(row["theta_deg"]))
+        for row in rows[joints:]
+    )
+    frame = DhTable(Convention.MODIFIED, tuple(rest)).transforms({})[0]
+    tool = {
+        "xyz_mm": (np.round(frame[:3, 3], _DECIMALS) + 0.0).tolist(),
+        "rpy_deg": (np.round(rpy_deg(of_matrix(frame[:3, :3])), _DECIMALS) + 0.0).tolist(),
+    }
+    task = next((task for task, (_, least) in TASKS.items() if joints >= least), ToolTask.POSITION)
+    return {
+        "chain": {name: _SIX_AXES[name] for name in names[:joints]},
+        "task": task,
+        **({"held": names[3:4]} if joints == 4 else {}),
+        **({"tool": tool} if joints < len(names) else {}),
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class ChainGeometry:
+    """The joints of a chain, the frames at its ends, and what its tool is told; raises InputError for a misfit."""
+
+    notation: Notation = dimension("modified-dh, standard-dh or urdf", Notation.MODIFIED_DH)
+    chain: Chain = dimension("the joints from the base to the tool", _SIX_AXES, reading=_chain)
+    task: ToolTask = dimension("what the tool is told: pose, direction or position", ToolTask.POSE, ToolTask.BY_JOINTS)
+    held: tuple[str, ...] = dimension("joints that stay where they are when the tool moves", (), (), reading=_names)
+    base: FixedFrame = dimension("frame of the first joint in the base", None, FixedFrame(), reading=_frame)
+    tool: FixedFrame = dimension("frame of the tool behind the last joint", None, FixedFrame(), reading=_frame)
+
+    def __post_init__(self) -> None:
+        check_all(partial(check_joint_names, "chain", self.joints), self._check_held, self._check_task)
+
+    def _check_held(self) -> None:
+        for name in self.held:
+            if name not in self.joints:
+                raise unknown("held: joint", name, self.joints)
+
+    def _check_task(self) -> None:
+        free, most = [name for name in self.joints if name not in self.held], TASKS[self.tool_task][1]
+        if len(free) > most:
+            held = ", ".join(f'"{name}"' for name in (*self.held, *free[: len(free) - most]))
+            raise InputError(
+                f"chain: {len(free)} joints for a {self.tool_task.value} of {most} coordinates: hold {len(free) - most}"
+                f" of them where they stand, such as held = [{held}]"
+            )
+
+    @property
+    def tool_task(self) -> ToolTask:
+        """The task as it is given, or the largest for which the joints suffice."""
+        if self.task is not ToolTask.BY_JOINTS:
+            return self.task
+        free = len(self.joints) - len(set(self.held))
+        return next((task for task, (_, joints) in TASKS.items() if free >= joints), ToolTask.POSITION)
+
+    @property
+    def joints(self) -> dict[str, Unit]:
+        """The joints' names and units, along the chain."""
+        return {name: Unit.MM if joint.slides else Unit.DEG for name, joint in self.chain}
+
+    @property
+    def dh(self) -> DhTable:
+        """The DH table: of a DH notation the rows as they are written, with rows for base and tool around them."""
+        if self.notation is Notation.URDF:
+            return DhTable(Convention.MODIFIED, tuple(self._rows_of_frames()))
+        convention = Convention.MODIFIED if self.notation is Notation.MODIFIED_DH else Convention.STANDARD
+        rows = (_dh_row(name, joint) for name, joint in self.chain)
+        ends = (tuple(fixed_rows(frame.matrix, convention)) for frame in (self.base, self.tool))
+        before, behind = ends
+        return DhTable(convention, (*before, *rows, *behind))
+
+    def _rows_of_frames(self) -> tuple[DhRow, ...]:
+        fixed, since = [], self.base.matrix
+        for _, joint in self.chain:
+            onto = turned_onto(np.array(joint.axis) / np.linalg.norm(joint.axis))
+            fixed.append(since @ FixedFrame(joint.xyz_mm, joint.rpy_deg).matrix @ onto)
+            since = onto.T
+        fixed.append(since @ self.tool.matrix)
+        return tuple(rows_around(fixed, {name: joint.slides for name, joint in self.chain}))
+
+
+def _dh_row(name: str, joint: ChainJoint) -> DhRow:
+    d_mm = DhParameter(joint.d_mm, name if joint.slides else "")
+    theta_deg = DhParameter(joint.theta_deg, "" if joint.slides else name)
+    return DhRow(joint.alpha_deg, joint.a_mm, d_mm, theta_deg)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArmAxes:
+    """The axes of a chain's joints with all joints at 0.
+
+    Attributes:
+        directions: shape (joints, 3), unit vectors.
+        points_mm: shape (joints, 3), a point on each axis.
+        slides: true for each joint that slides along its axis instead of turning about it.
+        home_mm: shape (3,), the tool's place.
+        home_rotation: shape (3, 3), the tool's axes as columns.
+    """
+
+    directions: FloatArray
+    points_mm: FloatArray
+    slides: tuple[bool, ...]
+    home_mm: FloatArray
+    home_rotation: FloatArray
+
+
+@lru_cache(maxsize=16)
+def axes_of(table: DhTable, joints: tuple[str, ...]) -> ArmAxes:
+    """Return the axes of a DH table whose variables are among the joints, in the joints' order."""
+    at_zero = {name: np.zeros(1) for name in joints}
+    frames = DhTable(table.convention, table.rows, STATION).frames(at_zero)[:, 0]
+    behind = table.convention is Convention.MODIFIED  # a modified row's joint turns about the z axis behind the row
+    found: dict[str, tuple[FloatArray, FloatArray, bool]] = {}
+    for i, row in enumerate(table.rows):
+        frame = frames[i + behind]
+        for parameter, slides in ((row.theta_deg, False), (row.d_mm, True)):
+            if parameter.variable:
+                found[parameter.variable] = parameter.sign * frame[:3, 2], frame[:3, 3], slides
+    axes, tool = [found[name] for name in joints], frames[-1]
+    directions, points_mm = (np.array([axis[i] for axis in axes]) for i in (0, 1))
+    return ArmAxes(directions, points_mm, tuple(axis[2] for axis in axes), tool[:3, 3], tool[:3, :3])

@@ -1,1 +1,0 @@
-"""The papers, figure by figure."""
