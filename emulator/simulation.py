@@ -17,7 +17,6 @@ from steptwin.features.faults.kinds import Consequence, Schedule, Scheduled
 from steptwin.features.faults.kinds.bus import Babble, HostBitRate
 from steptwin.features.faults.kinds.harm import Operation
 from steptwin.features.faults.kinds.machine import PowerUp
-from steptwin.features.motors.rotors.rotor_watch import MotorWiring, RotorWatch
 from steptwin.features.nodes.simple_node import SimpleNode
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND, COUNTS_PER_US
@@ -29,7 +28,7 @@ _SILENCE_MAX_S: Final = 1
 
 
 class Participant(Protocol):
-    """Takes part in simulated time beside boards and bus: a further node, the rotors, a scenario of faults, a shelf."""
+    """Takes part in simulated time beside boards and bus: a further node, rotors that turn, a scenario of faults."""
 
     @property
     def next_due_counts(self) -> int | None:
@@ -38,6 +37,40 @@ class Participant(Protocol):
 
     def step(self, now_counts: int) -> None:
         """See what has happened up to this instant, and act; it may operate machines, but not let time pass."""
+        ...
+
+
+class TurningRotors(Participant, Protocol):
+    """Rotors of the machine's motors that turn as they are driven, and may slip.
+
+    Attributes:
+        stretch_ticks: greatest number of servo ticks that they turn at once while an axis moves.
+        payload_kg: mass of the payload.
+    """
+
+    stretch_ticks: int
+    payload_kg: float
+
+    def positions_full_steps(self) -> list[float]:
+        """Return where each rotor is since power-up, board by board."""
+        ...
+
+    def load(self, payload_kg: float) -> None:
+        """Let the payload have another mass in kg."""
+        ...
+
+    @property
+    def work_counts(self) -> int:
+        """Instant from which there is something to `work` on."""
+        ...
+
+    @property
+    def pressing(self) -> bool:
+        """True if work is better done at once, a piece a tick, than all together later."""
+        ...
+
+    def work(self) -> None:
+        """Do one piece, some 50 us long, of what lets the rotors follow up to now."""
         ...
 
 
@@ -57,7 +90,6 @@ class Simulation:
         boards: Sequence[Board],
         bus: Bus,
         schedule: Iterable[Scheduled] = (),
-        motors: MotorWiring | None = None,
         nodes: Sequence[SimpleNode] = (),
         joining: Iterable["Joining"] = (),
     ) -> None:
@@ -67,7 +99,6 @@ class Simulation:
             boards: the boards.
             bus: the bus that joins them.
             schedule: operations on their machines, and the instants of these.
-            motors: the motors at the boards' drivers; None: rotors are where the drivers' steps put them.
             nodes: further nodes on the bus, switched on with the boards.
             joining: makes each further participant, before the boards boot; in this order they are stepped.
         """
@@ -94,10 +125,9 @@ class Simulation:
         """The further nodes on the bus."""
         for node in self.nodes:
             bus.attach(node.can)
-        self.rotor_watch: RotorWatch | None = (
-            None if motors is None else RotorWatch(motors, self.boards, lambda: self.now_counts)
-        )
-        """The rotors of the machine's motors; None if they are where the drivers' steps put them."""
+        self.rotor_watch: TurningRotors | None = None
+        """The rotors, as the participant that turns them has set it; None: they are where the drivers' steps put them.
+        """
         self._stranger_station: CanController | None = None
         self.strange: list[tuple[int, Frame]] = []
         """Frames that the stranger has sent, with the instant when each became valid."""
@@ -109,8 +139,6 @@ class Simulation:
         """Called with each operation on a machine as it is executed; not with what a participant does by `apply`."""
         for node in self.nodes:
             self.join(node)
-        if self.rotor_watch is not None:
-            self.join(self.rotor_watch)
         for join in joining:
             self.join(join(self))
         for board in self.boards:

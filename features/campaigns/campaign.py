@@ -14,8 +14,8 @@ from urllib.parse import quote
 
 import steptwin
 from steptwin.features.campaigns.values import Template
+from steptwin.features.motors.options import MotorsTurn
 from steptwin.host.common.bad_input import prefixed
-from steptwin.host.common.choices import MotorsTurn
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import CAMPAIGN_BYTES_MAX, CAMPAIGN_FILE_BYTES_MAX
 from steptwin.host.common.own_files import made_folder, read_text

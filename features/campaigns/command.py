@@ -276,6 +276,7 @@ def _rerun(answer: AnswerOptions, asked: CampaignOptions, folder: Path, seed: in
     from steptwin.features.campaigns.reader import read_scenario_table
     from steptwin.features.campaigns.running import perform, row_of
     from steptwin.features.campaigns.trial import draw, with_varied_file
+    from steptwin.features.motors.run import MotorRunHook
     from steptwin.host.record.folder.writing import draw_here
 
     if asked.out is not None and Path(asked.out).resolve() == folder.resolve():
@@ -289,7 +290,7 @@ def _rerun(answer: AnswerOptions, asked: CampaignOptions, folder: Path, seed: in
     if performance.outcome is None:
         raise InputError(f"the run of seed {seed} was not made: {performance.message}")
     row = row_of(performance)
-    again = FinishedRun.of(performance.outcome, turning=performance.motors is not None)
+    again = FinishedRun.of(performance.outcome, [MotorRunHook(motors=performance.trial.motors)])
     again.save(to, draw_here)
     drawn = {"parameters": dict(row.parameters), "choices": dict(row.choices)}
     answer.tell(

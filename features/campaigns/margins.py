@@ -70,8 +70,9 @@ class Performance:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why the drivers' counts are not as planned; empty if they are."""
-        return () if self.report is None else self.report.reasons
+        """Why the drivers' counts are not as planned, whatever rotors did; empty if they are."""
+        late = () if self.outcome is None else self.outcome.late_reasons
+        return () if self.report is None else tuple(each for each in self.report.reasons if each not in late)
 
     @property
     def report(self) -> Report | None:

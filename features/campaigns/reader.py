@@ -22,9 +22,9 @@ from steptwin.features.campaigns.variations import VARIATIONS, Setup
 from steptwin.features.faults.scenario import scenario_of
 from steptwin.features.faults.target import check_motors
 from steptwin.features.motors.limits import motor_limits
+from steptwin.features.motors.options import MotorsTurn
 from steptwin.features.motors.turning import check_described
 from steptwin.host.common.bad_input import known, prefixed, unknown
-from steptwin.host.common.choices import MotorsTurn
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, SCENARIO_BYTES_MAX
 from steptwin.host.common.findings import Findings

@@ -12,8 +12,9 @@ from steptwin.features.campaigns.margins import MARGINS, Claim, Performance
 from steptwin.features.campaigns.recovery import recover, steps_off
 from steptwin.features.campaigns.row import Breach, Ended, Row, split_parameters
 from steptwin.features.campaigns.trial import Trial, draw
+from steptwin.features.motors.evidence import trace_of
+from steptwin.features.motors.options import MotorOptions, MotorsTurn
 from steptwin.features.motors.turning import MotorVerdict, motors_of_run
-from steptwin.host.common.choices import MotorsTurn
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
 from steptwin.host.operate.session import Session
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
@@ -79,7 +80,7 @@ def perform(trial: Trial) -> Performance:
             _kernel(),
             driver_profile=trial.setup.driver_profile,
             scenario=scenario,
-            motors=trial.motors is MotorsTurn.IN_LOOP,
+            extras=[MotorOptions(motors=trial.motors is MotorsTurn.IN_LOOP)],
             axes_per_board=trial.setup.axes_per_board,
             crystal_ppm=trial.setup.crystals_ppm,
             on_board=boards.append,
@@ -129,7 +130,8 @@ def _motors(trial: Trial, outcome: Outcome | None) -> MotorVerdict | None:
         return None
     setup = trial.setup
     profile = driver_profile(setup.robot.board, setup.driver_profile)
-    return motors_of_run(setup.robot, outcome.comparison, profile, trace=outcome.rotors).verdict
+    trace = trace_of(outcome.comparison.evidence)
+    return motors_of_run(setup.robot, outcome.comparison, profile, trace=trace).verdict
 
 
 def _by_own_clocks(trial: Trial, board: EmbeddedBoard, outcome: Outcome | None) -> Report | None:

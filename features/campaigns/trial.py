@@ -15,9 +15,9 @@ from steptwin.features.campaigns.campaign import Campaign, CampaignMotion, JobMo
 from steptwin.features.campaigns.values import AtPart, PlannedAt, drawn
 from steptwin.features.campaigns.variations import Setup, set_up
 from steptwin.features.faults.scenario import SEED_MAX, Scenario, scenario_of
+from steptwin.features.motors.options import MotorsTurn
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import known, prefixed
-from steptwin.host.common.choices import MotorsTurn
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.tables import Table

@@ -138,7 +138,7 @@ def _stretch(setup: Setup, value: object) -> Setup:
 
 def _crystal_ppm(setup: Setup, value: object) -> Setup:
     crystals_ppm = [_whole(each) for each in (value if isinstance(value, list) else [value])]
-    check_crystals(crystals_ppm, len(crystals_ppm), motors=False)
+    check_crystals(crystals_ppm, len(crystals_ppm))
     made = replace(setup, crystals_ppm=tuple(crystals_ppm))
     if made.axes_per_board is not None:
         check_axes_per_board(made.axes_per_board, len(setup.robot.axes))

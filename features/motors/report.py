@@ -11,7 +11,6 @@ from steptwin.host.cli.options import naming_options, option
 from steptwin.host.cli.output import Columns, print_rows, progress_bar, say, warn
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.extras import installing
-from steptwin.host.common.whole_file import write_json
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -142,11 +141,8 @@ def write_cycles(
         save_figure(draw_cycles(robot, cycles, by_joints_s), folder / CYCLE, {})
 
 
-def keep_motors(folder: "Path", ran: "MotorRun", run: "RunInfo", *, pictures: bool) -> None:
-    """Write the motors' verdict into the folder of a run, and the pictures that are drawn in time."""
-    from steptwin.host.record.folder import MOTORS
-
-    write_json(folder / MOTORS, ran.verdict.to_dict())
+def keep_drawn(folder: "Path", ran: "MotorRun", run: "RunInfo", *, pictures: bool) -> None:
+    """Draw those pictures into the folder of a run that are drawn in time."""
     if pictures:
         from steptwin.features.motors.sizing.motor_pictures import write_motor_pictures
 

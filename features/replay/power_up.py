@@ -110,7 +110,7 @@ def _crystals(table: Table, boards: int) -> Sequence[int]:
     if "crystal_ppm" not in table:
         return ()
     crystals_ppm = [ppm for ppm in table.elements("crystal_ppm") if isinstance(ppm, int)]
-    check_crystals(crystals_ppm, boards, motors=False)
+    check_crystals(crystals_ppm, boards)
     return crystals_ppm
 
 

@@ -114,6 +114,9 @@ class ShelfPart:
         now = shelf_evidence(self._joined.shelf, dict(self._wiring.shelf.stock))
         return replace(now, events=(*self._past, *now.events))
 
+    def settled(self, _last_counts: int) -> None:
+        """A shelf has shown everything by then."""
+
     def end_round(self) -> None:
         """Forget all events but the last ones."""
         self._past.extend(shelf_evidence(self._joined.shelf, {}).events)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from steptwin.features.shelf import shelf_of
 from steptwin.features.shelf.options import ShelfOptions
 from steptwin.host.cli.options import option
-from steptwin.host.cli.run.hooks import Prepared
+from steptwin.host.cli.run.hooks import Prepared, RunHook
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ShelfRun:
+class ShelfRun(RunHook):
     """What a run does with the boxes of a shelf: its job's options say so, or an inventory file."""
 
     inventory: str | None = option(

@@ -109,7 +109,7 @@ def _counted_tips_mm(shelf: ShelfEvidence, comparison: Comparison) -> FloatArray
     return tips_mm
 
 
-def stored(shelf: ShelfEvidence, planned: PlannedStock | None) -> dict[str, Any]:
+def stored(shelf: ShelfEvidence, planned: PlannedStock | None, _start_counts: int) -> dict[str, Any]:
     """Return what shelf.json holds."""
     held: dict[str, Any] = {
         "events": [asdict(event) for event in shelf.events],

@@ -100,33 +100,31 @@ app: Final = typer.Typer(
 _Function = TypeVar("_Function", bound=Callable[..., None])
 
 
-def command(
-    *examples: str, negatives: bool = False, alone: dict[str, str] | None = None
-) -> Callable[[_Function], _Function]:
+def command(*examples: str, negatives: bool = False) -> Callable[[_Function], _Function]:
     """Return a decorator that adds a function to the command line, by its name and with its docstring as help.
 
     Args:
         examples: the words behind the command's name in each example at the end of its help.
         negatives: its arguments may be negative numbers, which otherwise look like options.
-        alone: its options that may stand without a value, and the value that they have then.
     """
 
     def add(function: _Function) -> _Function:
         from steptwin.host.cli.options import with_groups  # `steptwin --help` has no options of commands
 
         name = function.__name__.replace("_", "-")
+        callback, alone = with_groups(function)
         texts = [f"steptwin {name} {words}".rstrip() for words in examples]
         info = CommandInfo(
             name,
             cls=CliCommand,
-            callback=with_groups(function),
+            callback=callback,
             help="\n\n".join(" ".join(text.split()) for text in (function.__doc__ or "").split("\n\n")),
             epilog="\n".join(["Examples:", *texts]),
             context_settings={"ignore_unknown_options": negatives},
         )
         made = get_command_from_info(info, pretty_exceptions_short=False, rich_markup_mode=None)
         assert isinstance(made, CliCommand)
-        made.examples, made.values_alone = texts, alone or {}
+        made.examples, made.values_alone = texts, alone
         _imported[name] = made
         return function
 

@@ -299,7 +299,7 @@ def naming_machine_options(*parameters: str, **options: str) -> AbstractContextM
         field.name: field.metadata[SPELLING].option
         for made in classes
         for field in fields(made)
-        if SPELLING in field.metadata and field.name != "motors"
+        if SPELLING in field.metadata
     }
     return naming_options(*parameters, **spelled, **options)
 

@@ -45,7 +45,7 @@ def with_options(message: str, *parameters: str, **options: str) -> str:
         options: the option of each other parameter.
     """
     names = {name: _usual_name(name) for name in parameters} | options
-    named = re.compile(rf"\b({'|'.join(names)})=(True\b)?")
+    named = re.compile(rf"(?<!-)\b({'|'.join(names)})=(True\b)?")  # an option that stands there already stays
 
     def option(found: re.Match[str]) -> str:
         return names[found[1]] + ("" if found[2] else " ")
@@ -70,6 +70,7 @@ class _Described(NamedTuple):
         read: makes its value; None if typer does, by the parameter's type.
         positional: True for an argument.
         repeatable: True if it takes several texts that are to be read.
+        alone: the value that it has if it stands without one; empty if it may not.
     """
 
     told: Mapping[str, Any]
@@ -77,6 +78,7 @@ class _Described(NamedTuple):
     read: Reader | None = None
     positional: bool = False
     repeatable: bool = False
+    alone: str = ""
 
 
 _DESCRIBED: Final = "described"
@@ -89,7 +91,15 @@ def argument(value: str, says: str, default: object = None) -> Any:
     return field(default=default, metadata={_DESCRIBED: described})
 
 
-def option(value: str, says: str, *names: str, default: object = None, read: Reader | None = None, **told: Any) -> Any:
+def option(
+    value: str,
+    says: str,
+    *names: str,
+    default: object = None,
+    read: Reader | None = None,
+    alone: str = "",
+    **told: Any,
+) -> Any:
     """Return a command's option, as the default of its parameter or of a group's field.
 
     Args:
@@ -98,9 +108,10 @@ def option(value: str, says: str, *names: str, default: object = None, read: Rea
         names: its names; by default it is called as the parameter is.
         default: its value if it is not given, or the text of it that is to be read; MISSING if it has to be given.
         read: makes its value, if typer does not by the parameter's type.
+        alone: the value that it has if it stands without one; empty if it may not.
         told: what else typer is told.
     """
-    described = _Described({"metavar": value or None, "help": says, **told}, names, read)
+    described = _Described({"metavar": value or None, "help": says, **told}, names, read, alone=alone)
     return field(default=default, metadata={_DESCRIBED: described})
 
 
@@ -115,7 +126,10 @@ def of_features(attribute: str) -> Any:
 
 
 class Without(NamedTuple):
-    """Mark of a group, in `Annotated`: fields that are no options here and keep their defaults."""
+    """Mark of a group, in `Annotated`: fields that are no options here and keep their defaults.
+
+    Nor are those that are for served boards only.
+    """
 
     names: tuple[str, ...]
 
@@ -129,29 +143,34 @@ class _Group:
     inner: "Mapping[str, _Group]"
 
     @classmethod
-    def of(cls, annotation: Any) -> "_Group | None":
-        """Return the group that an annotation stands for; None if it is the type of one option."""
+    def of(cls, annotation: Any, *, served: bool = True) -> "_Group | None":
+        """Return the group that an annotation stands for, with options for served boards or not.
+
+        None if it is the type of one option.
+        """
         made: Any = annotation
         without: tuple[str, ...] = ()
         if get_origin(annotation) is Annotated and is_dataclass(annotation.__origin__):
-            made, without = annotation.__origin__, annotation.__metadata__[0].names
+            made, without, served = annotation.__origin__, annotation.__metadata__[0].names, False
         if not isinstance(made, type) or not is_dataclass(made):
             return None
-        return cls.made_of((each for each in fields(made) if each.name not in without and _is_option(each)), made)
+        members = (each for each in fields(made) if each.name not in without and _is_option(each, served=served))
+        return cls.made_of(members, made, served=served)
 
     @classmethod
-    def made_of(cls, members: Iterable[Field[Any]], make: Callable[..., Any]) -> "_Group":
+    def made_of(cls, members: Iterable[Field[Any]], make: Callable[..., Any], *, served: bool = True) -> "_Group":
         """Return the group of these fields; a class or a function makes its object of them."""
-        found = {each.name: (each, cls._of_features(each) or cls.of(each.type)) for each in members}
+        found = {each.name: (each, cls._of_features(each, served=served) or cls.of(each.type)) for each in members}
         own = {name: each for name, (each, group) in found.items() if group is None}
         return cls(make, own, {name: group for name, (_, group) in found.items() if group})
 
     @classmethod
-    def _of_features(cls, member: Field[Any]) -> "_Group | None":
+    def _of_features(cls, member: Field[Any], *, served: bool) -> "_Group | None":
         """Return the group of the options that features give for a field; None for a field of another kind."""
         if OF_FEATURES not in member.metadata:
             return None
-        inner = {feature.name: cls.of(made()) for feature, made in giving(member.metadata[OF_FEATURES])}
+        attribute = member.metadata[OF_FEATURES]
+        inner = {feature.name: cls.of(made(), served=served) for feature, made in giving(attribute)}
         return cls(lambda **made: tuple(made.values()), {}, {name: group for name, group in inner.items() if group})
 
     def options(self) -> Iterator[Field[Any]]:
@@ -166,8 +185,11 @@ class _Group:
         return self.make(**own, **{name: group.made(values) for name, group in self.inner.items()})
 
 
-def with_groups(function: Callable[..., None]) -> Callable[..., None]:
-    """Return a command as typer is to see it: its own options, then an option for each field of its groups."""
+def with_groups(function: Callable[..., None]) -> tuple[Callable[..., None], dict[str, str]]:
+    """Return a command as typer is to see it: its own options, then an option for each field of its groups.
+
+    Return besides which options may stand without a value, and the value that they have then.
+    """
     group = _Group.made_of(map(_field_of, signature(function).parameters.values()), function)
 
     def grouped(**values: Any) -> None:
@@ -176,7 +198,7 @@ def with_groups(function: Callable[..., None]) -> Callable[..., None]:
     grouped.__name__, grouped.__module__, grouped.__doc__ = function.__name__, function.__module__, function.__doc__
     options = sorted(group.options(), key=lambda each: each.name == LAST)
     grouped.__signature__ = Signature([_parameter(each) for each in options])  # type: ignore[attr-defined]
-    return grouped
+    return grouped, {name: alone for each in options if (alone := _described(each).alone) for name in _names(each)}
 
 
 def given_options(group: Any) -> dict[str, Any]:
@@ -192,8 +214,10 @@ def given_options(group: Any) -> dict[str, Any]:
     return given
 
 
-def _is_option(each: Field[Any]) -> bool:
-    """Return whether a field of a dataclass is an option, or stands for several."""
+def _is_option(each: Field[Any], *, served: bool) -> bool:
+    """Return whether a field of a dataclass is an option, or stands for several, of a served board or not."""
+    if SPELLING in each.metadata and each.metadata[SPELLING].served and not served:
+        return False
     described = {SPELLING, _DESCRIBED, OF_FEATURES} & set(each.metadata)
     return bool(described) or get_origin(each.type) is Annotated or is_dataclass(each.type)
 

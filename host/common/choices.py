@@ -1,4 +1,4 @@
-"""Words and values to choose from: levels, when motors turn, bit rates, names with values, the control port's words.
+"""Words and values to choose from: levels, bit rates, names with values, the control port's words.
 
 By the control port programs operate the machine of a served board: docs/control-port.md.
 """
@@ -9,16 +9,6 @@ from typing import Final
 from steptwin.host.common.errors import InputError
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.frame import BITRATES
-
-
-class MotorsTurn(StrEnum):
-    """When the motors of a run turn, if they do."""
-
-    AFTER = "after"
-    """After the run, by its record."""
-    IN_LOOP = "loop"
-    """As it goes, so that the switches follow the rotors."""
-
 
 LEVELS: Final = {"on": True, "off": False}
 """Levels of digital inputs, outputs and buttons by their words."""

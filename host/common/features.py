@@ -13,13 +13,17 @@ if TYPE_CHECKING:
     from steptwin.controller.motion.backend import Kernel
     from steptwin.emulator.simulation import Participant, Simulation
     from steptwin.host.common.tables import Reading, Table
+    from steptwin.host.planning.drives import DriveLimits
     from steptwin.host.planning.jobs.job import Job
     from steptwin.host.planning.motions.whole import MotionTimer
+    from steptwin.host.planning.plan import HighestSpeed, Plan
     from steptwin.host.planning.programs.program_file import StepReading
     from steptwin.host.planning.trajectory import Trajectory
     from steptwin.host.robots.kinematics.kinds import Kind
     from steptwin.host.robots.robot import Robot
+    from steptwin.host.twin.machine.machine_options import MachineOptions
     from steptwin.host.verify.comparison import Comparison
+    from steptwin.protocol.drivers import DriverProfile
 
 GROUP: Final = "steptwin.features"
 
@@ -40,11 +44,18 @@ class MachinePart(Protocol):
         ...
 
     def evidence(self) -> Any:
-        """Look now; return what has happened since power-up."""
+        """Look now; return what has happened since power-up; None if that is judged only when a run has ended."""
         ...
 
     def seen(self) -> Any:
         """Return what has happened up to the last look."""
+        ...
+
+    def settled(self, last_counts: int) -> Any:
+        """Return what shows only some time after a run's last edge, which was at an instant; None if nothing does.
+
+        Boards and bus stand still meanwhile. No scenario of faults excuses what it shows.
+        """
         ...
 
     def end_round(self) -> None:
@@ -67,12 +78,48 @@ class FeatureJudge(Protocol):
         """Yield one line for each statement of stored evidence that the drivers' counts contradict."""
         ...
 
-    def stored(self, evidence: Any, expected: Any) -> dict[str, Any]:
+    def stored(self, evidence: Any, expected: Any, start_counts: int) -> dict[str, Any]:
         """Return what the file NAME.json of a run folder holds."""
         ...
 
     def read(self, table: "Table") -> tuple[Any, Any]:
         """Return evidence and expectation from that file; raise InputError for what is wrong in it."""
+        ...
+
+
+class LiveWords(Protocol):
+    """What a feature says of a served board on which it has a part."""
+
+    def banner(self) -> str:
+        """Return what the machine has besides, in words; empty for nothing."""
+        ...
+
+    def warnings(self, seen: Any) -> Iterable[str]:
+        """Return what is to be told while the board runs, each line once, from what the part has seen."""
+        ...
+
+    def print_report(self, document: Mapping[str, Any]) -> None:
+        """Print the feature's part of the board's final report."""
+        ...
+
+
+class DriveModel(Protocol):
+    """What a feature knows of a machine's drives beside the limits of its joints."""
+
+    def limits(self, robot: "Robot", left_percent: float) -> "DriveLimits":
+        """Return what limits fastest motions, so that some percent of the drives' torque are left.
+
+        Raises:
+            InputError: the robot's file does not describe its drives.
+        """
+        ...
+
+    def forecast(self, robot: "Robot", motion: "Trajectory") -> str | None:
+        """Return what to say of a motion before it runs that nobody has limited by the drives; None for nothing."""
+        ...
+
+    def highest_speed(self, plan: "Plan", percent: int) -> "HighestSpeed | None":
+        """Return the highest speed up to a percentage that the drives hold; None if they are not described."""
         ...
 
 
@@ -118,6 +165,9 @@ class Feature:
         job_extra: returns its options of an emulated machine for a job's intent; None if the intent is not its own.
         check_robot: returns warnings about a robot, for `steptwin check`.
         check_travel: raises InputError if something is in the way of a straight move of all joints.
+        check_machine: raises InputError if its options (None: not given) do not go with the other ones of a machine,
+            in real time or not.
+        machine_warnings: returns warnings about a machine before it is operated, from robot, drivers and options.
         machine_options: returns the class of its options of an emulated machine: a frozen dataclass whose fields have
             spellings, with a method `over` as that of `MachineOptions`.
         replayed: returns such options from a stored report; None if the run had none.
@@ -126,6 +176,8 @@ class Feature:
             for which the motion waits (None: unknown); None if the machine has no such part.
         expected: returns what a motion is planned to leave, from robot, trajectory and options; None for nothing.
         judge: returns the judge of its evidence.
+        live: returns what it says of a served board.
+        drive_model: returns what it knows of drives, for planning; the first feature that has one is asked.
         run_options: returns a dataclass of options of `steptwin run`: a `RunHook`.
         verify_options: returns a dataclass of options of `steptwin verify`: an `OtherEvidence`.
         new_options: returns a dataclass of options of `steptwin new`: a `RobotSource`.
@@ -146,12 +198,16 @@ class Feature:
     job_extra: "Callable[[Robot, Any], Any] | None" = None
     check_robot: "Callable[[Robot], Iterable[str]] | None" = None
     check_travel: "Callable[[Robot, Sequence[float], Sequence[float]], None] | None" = None
+    check_machine: "Callable[[MachineOptions, Any, bool], None] | None" = None
+    machine_warnings: "Callable[[Robot, DriverProfile, Any], Iterable[str]] | None" = None
     machine_options: Callable[[], type[Any]] | None = None
     replayed: "Callable[[Table], Any] | None" = None
     kernels: "Callable[[], Mapping[str, Callable[[], Kernel]]] | None" = None
     part: MakePart | None = None
     expected: "Callable[[Robot, Trajectory, Any], Any] | None" = None
     judge: "Callable[[], FeatureJudge] | None" = None
+    live: Callable[[], LiveWords] | None = None
+    drive_model: Callable[[], DriveModel] | None = None
     run_options: Callable[[], type[Any]] | None = None
     verify_options: Callable[[], type[Any]] | None = None
     new_options: Callable[[], type[Any]] | None = None
@@ -205,3 +261,8 @@ def judge_of(name: str) -> FeatureJudge:
     make = features()[name].judge
     assert make is not None
     return make()
+
+
+def drive_model() -> DriveModel | None:
+    """Return what is known of machines' drives; None if no feature knows any."""
+    return next((make() for _, make in giving("drive_model")), None)

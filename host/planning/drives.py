@@ -1,7 +1,7 @@
 """What limits a motion that is timed as a whole besides its joints: the drives, as a machine's motors allow.
 
-Planning knows the limits of joints, but no motor. So a caller that knows the motors hands them in. Without them motions
-are within the joints' limits, and a program that asks for motors is refused.
+Planning knows the limits of joints, but no motor. So a caller hands in what knows them, such as a feature's drive model
+(`known_drives`). Without it motions are within the joints' limits, and a program that asks for motors is refused.
 """
 
 from collections.abc import Callable
@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import drive_model
 from steptwin.host.robots.robot import Robot
 
 
@@ -65,6 +66,13 @@ class DriveLimits(Protocol):
 
 MakeDrives = Callable[[Robot, float], DriveLimits]
 """Makes the drives' limits of a robot, of a percentage of the torque that is to be left; InputError without motors."""
+
+
+def known_drives() -> MakeDrives | None:
+    """Return what makes the limits of a robot's drives; None if no feature knows any."""
+    model = drive_model()
+    return None if model is None else model.limits
+
 
 LEFT_PERCENT: Final = 30.0
 """Torque that is usually left: what builders keep in hand for what a model does not know."""

@@ -4,13 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import floor, sqrt
-from pkgutil import resolve_name
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from steptwin.host.common.arrays import AxisRecords, Int64Array
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import drive_model
 from steptwin.host.planning.motions.held import CutShort, Held, Hold
 from steptwin.host.planning.peaks import Peak, Quantity
 from steptwin.host.planning.trajectory import Trajectory
@@ -115,7 +115,7 @@ class Plan:
         lowest = min(found, key=lambda each: each.percent)
         if lowest.percent <= PLANNED_PERCENT:
             return lowest._replace(percent=PLANNED_PERCENT)
-        held = _by_motors(self, lowest.percent)
+        held = _by_drives(self, lowest.percent)
         return lowest if held is None or held.percent >= lowest.percent else held
 
     def until(self, end_ms: int) -> "Plan":
@@ -169,16 +169,10 @@ def highest_speed(plan: Plan) -> HighestSpeed:
     return plan.highest_speed
 
 
-_MOTORS: Final = "steptwin.features.motors.limits.override:held_speed"
-"""What knows motors: it is loaded by its name, since planning itself knows neither motors nor the emulated board."""
-
-
-def _by_motors(plan: Plan, percent: int) -> HighestSpeed | None:
-    """Return the highest speed up to a percentage that the motors hold; None for a robot without described motors."""
-    if not plan.robot.has_motors:
-        return None
-    held: HighestSpeed = resolve_name(_MOTORS)(plan, percent)
-    return held
+def _by_drives(plan: Plan, percent: int) -> HighestSpeed | None:
+    """Return the highest speed up to a percentage that the drives hold; None if nothing is known of them."""
+    drives = drive_model()
+    return None if drives is None else drives.highest_speed(plan, percent)
 
 
 def _by_peak(peak: Peak) -> int:

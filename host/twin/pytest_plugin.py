@@ -74,7 +74,7 @@ def steptwin_make_board(
             a scenario's path begins at pytest's root directory.
     """
     from steptwin.host.common.errors import InputError
-    from steptwin.host.twin.board_under_test import BoardUnderTest, stalling_homings
+    from steptwin.host.twin.board_under_test import BoardUnderTest, machine_warnings
     from steptwin.host.twin.marker_arguments import check_board
 
     boards: list[BoardUnderTest] = []
@@ -103,7 +103,7 @@ def steptwin_make_board(
     for board in boards:
         _tell(request.node, board)
         if _has_failed(request.node):
-            _add(request.node, {"motors": stalling_homings(board)})
+            _add(request.node, machine_warnings(board))
     _keep(request.node, [board.save for board in boards], _artefacts(request.config, tmp_path_factory))
 
 

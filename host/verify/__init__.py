@@ -27,7 +27,7 @@ from steptwin.host.verify.gates import (
     any_step_rule,
     threshold_tolerance_steps,
 )
-from steptwin.host.verify.report import BusReport, Report, RotorSlip, RunInfo, speeds_document
+from steptwin.host.verify.report import BusReport, Report, RunInfo, speeds_document
 from steptwin.host.verify.verifier import powerless_reasons, verify, verify_comparison
 
 __all__ = [
@@ -50,7 +50,6 @@ __all__ = [
     "Phases",
     "RateRamps",
     "Report",
-    "RotorSlip",
     "RunInfo",
     "Slips",
     "any_step_rule",

@@ -180,28 +180,6 @@ class SkewReport:
 
 
 @dataclass(frozen=True, slots=True)
-class RotorSlip:
-    """A rotor that has slipped in a run whose motors turned: its driver's count does not know it.
-
-    Attributes:
-        name: axis.
-        at_s: its first slip, in the motion's time.
-        full_steps: full steps by which it is away at the end.
-    """
-
-    name: str
-    at_s: float
-    full_steps: float
-
-    def __str__(self) -> str:
-        return f"{self.name}: its rotor slips at {self.at_s:.3f} s and ends {abs(self.full_steps):g} full steps away"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values under the keys of the run's document."""
-        return {"name": self.name, "at_s": _plain(self.at_s), "full_steps": _plain(self.full_steps)}
-
-
-@dataclass(frozen=True, slots=True)
 class Report:
     """A verified run.
 

@@ -1,7 +1,7 @@
 """Let fastest motions be limited by a robot's motors: its torques as rows for the planner, its rotors as their judge.
 
 It stands in the twin, since pull-out torques, arms and rotors are the emulator's: planning defines what it needs
-(`features/fastest/drives.py`), and who plans for a machine with motors hands `motor_limits` in. Both functions
+(`host/planning/drives.py`), and who plans for a machine with motors hands `motor_limits` in. Both functions
 import all of the emulator, so they do it when they are called.
 """
 

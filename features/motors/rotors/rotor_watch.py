@@ -70,7 +70,6 @@ class MotorWiring:
         payload_kg: mass of the payload.
         supply: of all drivers.
         held_by: output while which is on the payload hangs at the tool; None: always.
-        stretch_ticks: greatest stretch while an axis moves.
         backend: how the rotors are computed; None: as fast as can be.
     """
 
@@ -80,7 +79,6 @@ class MotorWiring:
     payload_kg: float
     supply: PowerSupply
     held_by: OutputWire | None = None
-    stretch_ticks: int = REST_TICKS
     backend: RotorBackend | None = None
 
 
@@ -107,6 +105,8 @@ class RotorWatch:
         """Substeps in a rad of each rotor."""
         self._cycles_substeps = [_CYCLE_FULL_STEPS * each for each in substeps]
         """Substeps in an electrical cycle of each rotor."""
+        self.stretch_ticks: int = REST_TICKS
+        """Greatest stretch while an axis moves."""
         self.payload_kg: float = wiring.payload_kg
         """Mass of the payload."""
         self.other_payloads_kg: list[float] = []
@@ -348,7 +348,7 @@ class RotorWatch:
         if self._still and not moving:
             end = self._tick + REST_TICKS
         else:
-            end = min(self._tick + (self._wiring.stretch_ticks if moving else REST_TICKS), self._free_tick)
+            end = min(self._tick + (self.stretch_ticks if moving else REST_TICKS), self._free_tick)
         if self._changes:
             end = min(end, self._changes[0][0])
         self._end_tick = max(end, self._tick + 1)

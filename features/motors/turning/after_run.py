@@ -12,11 +12,28 @@ from steptwin.features.motors.turning.drives import power_supply
 from steptwin.features.motors.turning.driving import Driving, Progress
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.robots.robot import Robot
-from steptwin.host.verify import RotorSlip
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
 _CHUNK_MS: Final = 250
 """Time between two reports of progress."""
+
+
+@dataclass(frozen=True, slots=True)
+class RotorSlip:
+    """A rotor that has slipped in a run whose motors turned: its driver's count does not know it.
+
+    Attributes:
+        name: axis.
+        at_s: its first slip, in the motion's time.
+        full_steps: full steps by which it is away at the end.
+    """
+
+    name: str
+    at_s: float
+    full_steps: float
+
+    def __str__(self) -> str:
+        return f"{self.name}: its rotor slips at {self.at_s:.3f} s and ends {abs(self.full_steps):g} full steps away"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,7 +6,7 @@ from math import inf, pi
 
 from steptwin.emulator.drivers.power_supply import PowerSupply
 from steptwin.features.motors.rotors.motor import CATALOGUE, Motor
-from steptwin.features.motors.rotors.rotor_watch import REST_TICKS, MotorWiring
+from steptwin.features.motors.rotors.rotor_watch import MotorWiring
 from steptwin.features.motors.rotors.rotors import Drive
 from steptwin.features.motors.rotors.torques import DriveSupply
 from steptwin.features.motors.turning.mechanism import arm_of
@@ -84,7 +84,6 @@ def motor_wiring(
     chip: ChipSheet,
     start_joints: Sequence[float],
     axes_per_board: Sequence[int],
-    stretch_ticks: int = REST_TICKS,
 ) -> MotorWiring:
     """Return a robot's motors and arm as the emulator has them.
 
@@ -93,7 +92,6 @@ def motor_wiring(
         chip: of its drivers.
         start_joints: joint positions where it stands at power-up, mm and degrees.
         axes_per_board: number of axes on each board.
-        stretch_ticks: greatest number of servo ticks that the rotors turn at once while an axis moves.
 
     Raises:
         InputError: the robot's file does not describe its motors and masses.
@@ -111,5 +109,4 @@ def motor_wiring(
         payload_kg=dynamics.payload_kg,
         supply=power_supply(dynamics),
         held_by=Wires(robot, axes_per_board).output(held_by) if held_by else None,
-        stretch_ticks=stretch_ticks,
     )

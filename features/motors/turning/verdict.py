@@ -8,13 +8,13 @@ from typing import Any, Final, Self
 
 import numpy as np
 
-from steptwin.features.motors.turning.after_run import RotorTrace
+from steptwin.features.motors.turning.after_run import RotorSlip, RotorTrace
 from steptwin.features.motors.turning.drives import motor_of
 from steptwin.features.motors.turning.driving import Driving
 from steptwin.features.motors.turning.torques import Torques
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.poses import Task
-from steptwin.host.verify import Comparison, RotorSlip
+from steptwin.host.verify import Comparison
 from steptwin.protocol.drivers import ChipSheet
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 

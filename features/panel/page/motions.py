@@ -21,10 +21,10 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.features.motors.limits import motor_limits
 from steptwin.features.panel.page.uploads import RUNNABLE, uploaded
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError, StepTwinError
+from steptwin.host.planning.drives import known_drives
 from steptwin.host.planning.jobs import job_fields, make_job
 from steptwin.host.planning.jobs.options import OptionField
 from steptwin.host.planning.plan import Plan
@@ -127,7 +127,7 @@ def plan_upload(
     """
     with uploaded(name, content, beside or {}, robot) as path:
         if path.endswith(SUFFIX):
-            program = compile_program(read_program(path), robot, drives=motor_limits)
+            program = compile_program(read_program(path), robot, drives=known_drives())
             with program.explained(stretch or 1.0):
                 return _planned(robot, program.trajectory, stretch), None
         motion = read_file_motion(path, robot, units=units)

@@ -23,11 +23,12 @@ from steptwin.host.cli.output import Columns, print_rows, say, say_compiling, wa
 from steptwin.host.cli.run.verdict_text import USUAL_DRIVERS
 from steptwin.host.common import listening as socketcand
 from steptwin.host.common.errors import BusError, InputError, RecordingError
+from steptwin.host.common.features import giving
 from steptwin.host.common.processes import ClockStood, Slowness, collecting_often, on_signals
 from steptwin.host.twin.machine.machine_options import MachineOptions
 
 if TYPE_CHECKING:
-    from steptwin.features.motors.turning.figures import RotorFigures
+    from steptwin.host.common.features import LiveWords
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.live.live_board import LiveBoard
     from steptwin.host.twin.live.served_board import ServedBoard
@@ -76,10 +77,7 @@ class OwnPanelOptions:
         return wanted
 
 
-_NAMED: Final = (
-    "motors",
-    *(each.name for group in (EndpointOptions, RecordingOptions) for each in fields(group)),
-)
+_NAMED: Final = (*(each.name for group in (EndpointOptions, RecordingOptions) for each in fields(group)),)
 """Arguments of a served board that errors name by their options."""
 
 
@@ -100,6 +98,7 @@ def serve(
     it, which finds the server's HOST:PORT in STEPTWIN_CAN and the control port's in STEPTWIN_CONTROL.
     """
     from steptwin.host.twin.live.served_board import ServedBoard
+    from steptwin.host.twin.machine.drivers import driver_profile
     from steptwin.host.twin.machine.kernels import telling_of_compiling
 
     loaded = which.robot(robot)
@@ -107,8 +106,9 @@ def serve(
     program = ServedCommand(beside, endpoint.interface)
     machine = machine_for(loaded, machine)  # bad input is reported before a port is opened
     _warn_outside(loaded, machine)
-    if machine.motors:
-        _warn_of_steep_homings(loaded, machine.driver_profile)
+    for lines in machine.warnings(loaded, driver_profile(loaded.board, machine.driver_profile)).values():
+        for line in lines:
+            warn(line)
     with panel_process(wanted=panel, to_stderr=which.as_json) as open_panel:
         with telling_of_compiling(say_compiling), naming_machine_options(*_NAMED):
             served = ServedBoard(
@@ -143,15 +143,6 @@ def serve(
         raise failure
     end_unless_struck(document)
     program.pass_on()
-
-
-def _warn_of_steep_homings(robot: "Robot", other_drivers: str | None) -> None:
-    """Warn of each joint whose motor stalls as it is homed: without encoders the board would not know."""
-    from steptwin.features.motors.turning.ramps import steep_homings
-    from steptwin.host.twin.machine.drivers import driver_profile
-
-    for line in steep_homings(robot, driver_profile(robot.board, other_drivers)):
-        warn(line)
 
 
 def _serve(
@@ -189,8 +180,7 @@ def _run(served: "ServedBoard", announce: Callable[[], None], *, quiet: bool) ->
         served.call_every(_STATUS_EVERY_S, update)
         served.call_every(_STATUS_EVERY_S, _warning_of_slowness(served.board))
         served.call_every(_STATUS_EVERY_S, _warning_of_failures(served))
-        if served.board.rotors:
-            served.call_every(_STATUS_EVERY_S, _warning_of_slips(served.board.rotors))
+        served.call_every(_STATUS_EVERY_S, _warning_by_features(served.board))
         try:
             with collecting_often():
                 served.serve_forever()
@@ -224,19 +214,24 @@ def _warning_of_failures(served: "ServedBoard") -> Callable[[], None]:
     return tell
 
 
-def _warning_of_slips(rotors: "RotorFigures") -> Callable[[], None]:
-    """Return a function that warns of each joint whose rotor has slipped, once."""
+def _warning_by_features(board: "LiveBoard") -> Callable[[], None]:
+    """Return a function that tells each warning of a feature, once."""
     told: set[str] = set()
+    words = [(words, board.parts[name]) for name, words in _words_of(board).items()]
 
     def tell() -> None:
-        for name, slipped_s in rotors.slips_s().items():
-            if name not in told:
-                told.add(name)
-                warn(
-                    f"{name}: its rotor has slipped, {slipped_s:.3f} s after power-up; homing finds the position again"
-                )
+        for live, part in words:
+            for line in live.warnings(part.seen()):
+                if line not in told:
+                    told.add(line)
+                    warn(line)
 
     return tell
+
+
+def _words_of(board: "LiveBoard") -> "dict[str, LiveWords]":
+    """Return what features say of a board on which they have a part, by their names."""
+    return {feature.name: live() for feature, live in giving("live") if feature.name in board.parts}
 
 
 @contextmanager
@@ -270,7 +265,8 @@ def banner(served: "ServedBoard") -> list[str]:
     board = served.board
     name = board.driver_profile.name
     drivers = "" if name == USUAL_DRIVERS else f", drivers: {name}"
-    drivers += "" if board.rotors is None else ", motors turn with it ([A] masses)"
+    has = [words for live in _words_of(board).values() if (words := live.banner())]
+    drivers += "".join(f", {words}" for words in has)
     control = (
         []
         if served.control is None
@@ -304,14 +300,6 @@ def _late(lateness: dict[str, Any]) -> dict[str, str]:
     }
 
 
-_ROTORS: Final[Columns] = {
-    "motor": "{0[name]}",
-    "load angle deg": "{0[load_angle_deg]:.1f}",
-    "at s": "{0[load_angle_at_s]:.3f}",
-    "first slip s": lambda joint: "-" if joint["first_slip_s"] is None else f"{joint['first_slip_s']:.3f}",
-    "lost steps": "{0[lost_full_steps]:g}",
-    "winding degC": "{0[winding_celsius]:.1f}",
-}
 _AXES: Final[Columns] = {
     "axis": "{0[name]}",
     "start": "{0[steps_start]}",
@@ -328,8 +316,9 @@ def print_served(document: dict[str, Any], folder: Path | None) -> None:
     say(f"bus: {bus['frames']} frames at {bus['bitrate'] // 1000} kbit/s, {bus['load_percent']:.1f} % load")
     for mismatch in document["mismatches"]:
         warn(mismatch)
-    if "motors" in document:
-        print_rows(_ROTORS, document["motors"]["joints"])
+    for feature, live in giving("live"):
+        if feature.name in document:
+            live().print_report(document[feature.name])
     for what, text in _late(real_time).items():
         say(f"{what} late, ms (p50 p99 max): {text}, of {real_time[what]['count']}")
     if real_time["stalls"]["count"]:

@@ -16,6 +16,7 @@ from steptwin.host.cli.output import Columns, number_of, print_rows, print_table
 from steptwin.host.cli.run.check_robot import check_robot
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import drive_model
 from steptwin.host.common.file_limits import CAMPAIGN_BYTES_MAX, PROGRAM_BYTES_MAX, check_size
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.own_files import read_text
@@ -92,7 +93,7 @@ _KINDS: Final[Mapping[str, tuple[str, ...]]] = {
 
 def check_program(folder: Path, text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
     """Check a program in a folder for a robot, by default for the one that it names."""
-    from steptwin.features.motors.limits import motor_forecast, motor_limits
+    from steptwin.host.planning.drives import known_drives
     from steptwin.host.planning.programs import check_names, compile_program, parse_program
 
     program = parse_program(text, findings, folder)
@@ -100,10 +101,11 @@ def check_program(folder: Path, text: str, robot_name: str | None, findings: Fin
     if robot is None:
         check_names(program, None, findings)
         return CheckedFile()
-    compiled = compile_program(program, robot, findings, drives=motor_limits)
+    compiled = compile_program(program, robot, findings, drives=known_drives())
     advice = _advice(robot, compiled, findings) if compiled.is_whole else ()
     is_foretold = compiled.is_whole and not findings.messages and program.limits is None
-    forecast = motor_forecast(robot, compiled.trajectory) if is_foretold else None
+    model = drive_model() if is_foretold else None
+    forecast = None if model is None else model.forecast(robot, compiled.trajectory)
     document = {
         "robot": robot.name,
         "duration_s": compiled.trajectory.duration_s,

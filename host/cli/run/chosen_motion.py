@@ -11,6 +11,7 @@ from steptwin.host.cli.options import given_options, naming_options, option, wit
 from steptwin.host.cli.output import say, warn
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import drive_model
 
 if TYPE_CHECKING:
     from steptwin.host.planning.drives import DriveLimits
@@ -103,11 +104,10 @@ class SpeedOptions:
         """Return the motors that limit the motion; None without the option."""
         if self.left_percent is None:
             return None
-        from steptwin.features.motors.limits import motor_limits
-        from steptwin.host.planning.drives import AskedLimits
+        from steptwin.host.planning.drives import AskedLimits, known_drives
 
         with prefixed("--left-percent: "):
-            return AskedLimits(self.left_percent).drives(robot, motor_limits)
+            return AskedLimits(self.left_percent).drives(robot, known_drives())
 
     def factor(self) -> float | None:
         """Return how many times slower the motion is to be; None without either option, and for `--stretch auto`."""
@@ -193,11 +193,10 @@ def choose_motion(
     robot: "Robot", job: str, options: dict[str, str], file_options: FileOptions, speed_options: SpeedOptions
 ) -> ChosenMotion:
     """Return the motion that a command line names; raise InputError, with the option, if the robot cannot make it."""
-    from steptwin.features.motors.limits import motor_forecast
-
     trajectory, file, explained, is_foretold = _motion(robot, job, options, file_options, speed_options.drives(robot))
     plan = _planned(robot, trajectory, speed_options, explained)
-    if is_foretold and (forecast := motor_forecast(robot, plan.trajectory)):
+    model = drive_model() if is_foretold else None
+    if model is not None and (forecast := model.forecast(robot, plan.trajectory)):
         warn(f"{job}: {forecast}")
     if file is None or file_options.units:
         return ChosenMotion(job, plan, file)
@@ -248,7 +247,7 @@ def _motion(
 
 
 def _program(robot: "Robot", path: str, options: dict[str, str]) -> _Motion:
-    from steptwin.features.motors.limits import motor_limits
+    from steptwin.host.planning.drives import known_drives
     from steptwin.host.planning.programs import compile_program, read_program
 
     if options:
@@ -256,7 +255,7 @@ def _program(robot: "Robot", path: str, options: dict[str, str]) -> _Motion:
     try:
         program = read_program(path)
         with prefixed(f"{path}: "):
-            compiled = compile_program(program, robot, drives=motor_limits)
+            compiled = compile_program(program, robot, drives=known_drives())
     except InputError as error:
         if len(error.messages) == 1:
             raise

@@ -1,14 +1,18 @@
-"""Let features take part in `steptwin run`: before the motion is planned, and after a verified run."""
+"""Let features take part in `steptwin run`: before the motion is planned, as it runs, and after it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.twin.machine.machine_options import merged
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from steptwin.host.client import Progress
     from steptwin.host.robots.robot import Robot
+    from steptwin.host.twin.embedded.outcome import Outcome
 
 
 class Prepared(NamedTuple):
@@ -25,20 +29,49 @@ class Prepared(NamedTuple):
     kept: Any = None
 
 
-class RunHook(Protocol):
-    """A feature's options of `steptwin run`, with what they do."""
+class Added(NamedTuple):
+    """What a feature adds to a run that has ended.
 
-    def words_taken(self, robot: "Robot") -> int:
+    Attributes:
+        outcome: the run, with what the feature has found.
+        print: prints what it has found, after the report.
+        save: writes files of its own into the run's folder; the second argument says whether there are pictures.
+    """
+
+    outcome: "Outcome"
+    print: Callable[[], None]
+    save: "Callable[[Path, bool], None]"
+
+
+class RunHook:
+    """A feature's options of `steptwin run`, with what they do: a dataclass that is derived from this."""
+
+    __slots__ = ()
+
+    @property
+    def loads_numba(self) -> bool:
+        """True if numba is loaded in any case, if it is installed."""
+        return False
+
+    def words_taken(self, _robot: "Robot") -> int:
         """Return how many words after the job it takes."""
-        ...
+        return 0
 
-    def prepare(self, robot: "Robot", job: str, options: Mapping[str, str], words: Sequence[str]) -> Prepared:
+    def prepare(self, _robot: "Robot", _job: str, options: Mapping[str, str], _words: Sequence[str]) -> Prepared:
         """Prepare a run; raise InputError if that cannot be done."""
-        ...
+        return Prepared(options)
 
-    def finish(self, robot: "Robot", kept: Any) -> str:
+    def watching(self, progress: "Progress") -> "Progress":
+        """Return what is told of the run's progress, and tells it."""
+        return progress
+
+    def add(self, _outcome: "Outcome") -> Added | None:
+        """Look at a run that has ended, before it is told and kept; None if there is nothing to add."""
+        return None
+
+    def finish(self, _robot: "Robot", _kept: Any) -> str:
         """Do what is to be done after a verified run; return a line about it, which may be empty."""
-        ...
+        return ""
 
 
 @dataclass(frozen=True, slots=True)

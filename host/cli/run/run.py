@@ -54,7 +54,6 @@ class LiveRunOptions(SessionOptions):
 @command(
     "warehouse-scara drawer-pull --out out/drawer-pull",
     "teaching-scara carry --approach --connect 127.0.0.1",
-    alone={"--motors": "after"},
 )
 def run(
     chosen: JobOptions,

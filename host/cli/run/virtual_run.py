@@ -1,6 +1,6 @@
 """Run a motion on an emulated board in virtual time: `steptwin run` without --connect or -i."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
@@ -8,21 +8,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from steptwin.features.faults.on_purpose import print_faults, telling_of_faults
-from steptwin.features.motors.report import check_motors, keep_motors, motors_of, print_motors, telling_time
 from steptwin.host.cli.app import end_unless
 from steptwin.host.cli.arguments import AnswerOptions, finite_number, machine_for, naming_machine_options, run_folder
-from steptwin.host.cli.options import MACHINE_PANEL, Without, given_options, of_features, option
+from steptwin.host.cli.options import Without, given_options, of_features, option
 from steptwin.host.cli.output import progress_bar, say, say_compiling
 from steptwin.host.cli.run.chosen_motion import ChosenMotion
-from steptwin.host.cli.run.hooks import PreparedRun, RunHook
+from steptwin.host.cli.run.hooks import Added, PreparedRun, RunHook
 from steptwin.host.cli.run.verdict_text import fault_line, print_report
-from steptwin.host.common.choices import LEVELS, MotorsTurn
+from steptwin.host.common.choices import LEVELS
 from steptwin.host.common.errors import DeviceFaultError, InputError
 from steptwin.host.common.extras import installing
 from steptwin.host.twin.machine.machine_options import MachineOptions, merged
 
 if TYPE_CHECKING:
-    from steptwin.features.motors.turning import MotorRun
+    from steptwin.host.client import Progress
     from steptwin.host.planning.plan import Plan
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.embedded.outcome import Outcome
@@ -47,13 +46,7 @@ class VirtualRunOptions:
         "Form of the firmware's kernel, such as python or numba (compiled), or auto: the one that ends soonest.",
         default="auto",
     )
-    motors: MotorsTurn | None = option(
-        "[=loop]",
-        "Turn the motors by the run, with the arm's masses: do they keep step? With =loop they turn as it goes, and"
-        " the switches follow them (docs/motors.md).",
-        rich_help_panel=MACHINE_PANEL,
-    )
-    machine: Annotated[MachineOptions, Without(("motors", "bitrate", "firmware", "nodes"))]
+    machine: Annotated[MachineOptions, Without(("bitrate", "firmware", "nodes"))]
 
     def refuse(self) -> None:
         """Raise InputError for an option that is given, with a live board."""
@@ -62,8 +55,12 @@ class VirtualRunOptions:
 
     def machine_for(self, robot: "Robot", extras: Sequence[Any]) -> MachineOptions:
         """Return the machine's options, read, over those that features have prepared; raises as `machine_for`."""
-        options = replace(self.machine, motors=self.motors is MotorsTurn.IN_LOOP)
-        return machine_for(robot, replace(options, extras=merged(options.extras, extras)))
+        return machine_for(robot, replace(self.machine, extras=merged(self.machine.extras, extras)))
+
+    @property
+    def loads_numba(self) -> bool:
+        """True if a feature loads numba in any case, if it is installed."""
+        return any(hook.loads_numba for hook in self.hooks)
 
 
 def run_virtual(answer: AnswerOptions, motion: ChosenMotion, prepared: PreparedRun, options: VirtualRunOptions) -> None:
@@ -71,16 +68,14 @@ def run_virtual(answer: AnswerOptions, motion: ChosenMotion, prepared: PreparedR
 
     Raises:
         DeviceFaultError: a fault has ended a run without a scenario.
-        Exit: the run is not verified, the scenario has failed, or a motor has lost its step.
+        Exit: the run is not verified, the scenario has failed, or a feature has found a reason after the run.
     """
     from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY
     from steptwin.host.record.folder.writing import can_draw, draw_here, drawing_apart
 
-    if options.motors:
-        check_motors(motion.plan.robot)
     with drawing_apart() if options.out and can_draw() else nullcontext(draw_here) as draw:
         outcome, folder = _executed(answer, motion, prepared, options)
-        done = FinishedRun.of(outcome, turning=options.motors is not None)
+        done = FinishedRun.of(outcome, options.hooks)
         pictures = folder is not None and done.save(folder, draw)
     version = {} if folder is None else {VERSION_KEY: FOLDER_VERSION}
     answer.tell(done.document() | version, done.print)
@@ -104,20 +99,23 @@ def _executed(
     folder = None if options.out is None else run_folder(options.out)
     machine = options.machine_for(robot, prepared.extras)
     motion.say_summary(answer)
-    compiled = options.kernel == "numba" or bool(options.motors) or soonest_is_compiled(motion.plan)
+    compiled = options.kernel == "numba" or options.loads_numba or soonest_is_compiled(motion.plan)
     with (
         telling_of_compiling(say_compiling, wanted=compiled and options.kernel in ("auto", "numba")),
-        progress_bar(f"{robot.name} {motion.job}") as progress,
+        progress_bar(f"{robot.name} {motion.job}") as bar,
         naming_machine_options(cut_stream_s="--cut-stream"),
         telling_of_faults(answer),
     ):
+        progress: Progress = bar
+        for hook in options.hooks:
+            progress = hook.watching(progress)
         outcome = execute(
             motion.plan,
             motion.job,
             _kernel(options, motion.plan),
             cut_stream_s=options.cut_stream,
             inputs=[_input_change(text) for text in options.inputs or ()],
-            progress=telling_time(progress, "run") if machine.motors else progress,
+            progress=progress,
             **machine.keywords,
         )
     return outcome, folder
@@ -125,43 +123,44 @@ def _executed(
 
 @dataclass(frozen=True, slots=True)
 class FinishedRun:
-    """A run whose motors have turned too, if they were to.
+    """A run with what features have added.
 
     Attributes:
         outcome: the run.
-        motors: what the motors did; None if they did not turn.
+        added: what was added to it.
     """
 
     outcome: "Outcome"
-    motors: "MotorRun | None"
+    added: Sequence[Added]
 
     @classmethod
-    def of(cls, outcome: "Outcome", *, turning: bool) -> "FinishedRun":
-        """Turn the motors by the run's record, unless they have turned with it or are not to."""
-        if not turning:
-            return cls(outcome, None)
-        motors = motors_of(outcome.plan.robot, outcome.comparison, outcome.driver_profile, trace=outcome.rotors)
-        return cls(replace(outcome, rotors=motors.trace), motors)
+    def of(cls, outcome: "Outcome", hooks: Iterable[RunHook]) -> "FinishedRun":
+        """Let features look at a run."""
+        added = list[Added]()
+        for hook in hooks:
+            if more := hook.add(outcome):
+                outcome = more.outcome
+                added.append(more)
+        return cls(outcome, added)
 
     def save(self, folder: Path, draw: Callable[[Path], None]) -> bool:
         """Write the folder of the run, its pictures by `draw`; return whether there are pictures."""
         pictures = self.outcome.save(folder, draw)
-        if self.motors is not None:
-            keep_motors(folder, self.motors, self.outcome.report.run, pictures=pictures)
+        for each in self.added:
+            each.save(folder, pictures)
         return pictures
 
     def document(self) -> dict[str, Any]:
         """Return the document that --json prints."""
-        document = self.outcome.to_dict()
-        return document if self.motors is None else document | {"motors": self.motors.verdict.to_dict()}
+        return self.outcome.to_dict()
 
     def print(self) -> None:
-        """Print the report, what became of faults, and what the motors did."""
+        """Print the report, what became of faults, and what features have added."""
         document = self.outcome.to_dict()
         print_report(document)
         print_faults(document)
-        if self.motors is not None:
-            print_motors(self.motors.verdict)
+        for each in self.added:
+            each.print()
         say_what_is_faster(document["wall_s"])
 
 
@@ -180,7 +179,7 @@ def _raise_unless_right(outcome: "Outcome") -> None:
 
     Raises:
         DeviceFaultError: a fault has ended a run without a scenario.
-        Exit: the run is not verified, the scenario has failed, or a motor has lost its step.
+        Exit: the run is not verified, the scenario has failed, or a feature has found a reason after the run.
     """
     if outcome.scenario is not None:
         right = outcome.scenario.passed
@@ -188,7 +187,7 @@ def _raise_unless_right(outcome: "Outcome") -> None:
         raise DeviceFaultError(fault_line(outcome.fault.to_dict()))
     else:
         right = outcome.report.passed
-    end_unless(right and not outcome.slips)
+    end_unless(right and not outcome.late_reasons)
 
 
 def _input_change(text: str) -> "InputChange":
@@ -210,4 +209,4 @@ def _kernel(options: VirtualRunOptions, plan: "Plan") -> "Kernel":
 
     if options.kernel != "auto":
         return kernel_named(options.kernel)
-    return fastest_kernel() if options.motors else soonest_kernel(plan)  # motors load numba in any case
+    return fastest_kernel() if options.loads_numba else soonest_kernel(plan)

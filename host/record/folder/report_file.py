@@ -29,7 +29,6 @@ from steptwin.host.verify import (
     OWN_FIRMWARE,
     BusReport,
     Gates,
-    RotorSlip,
     RunInfo,
     any_step_rule,
 )
@@ -85,7 +84,6 @@ class StoredReport:
         next_motion_s: when a motion began, since power-up, that is not in the plan; None if there was none.
         capture: of a real controller's edges; None for a run that was emulated.
         on_purpose: the faults of the run's scenario.
-        slips: the rotors that slipped, in a run whose motors turned.
         stop: what has stopped a live board's machine since its motion began; None if nothing has.
     """
 
@@ -100,7 +98,6 @@ class StoredReport:
     next_motion_s: float | None = None
     capture: StoredCapture | None = None
     on_purpose: tuple[StoredFault, ...] = ()
-    slips: tuple[RotorSlip, ...] = ()
     stop: MachineStop | None = None
 
     @property
@@ -135,7 +132,6 @@ def _report(table: Table) -> StoredReport:
         document=table.values,
         capture=_capture(table) if "capture" in table else None,
         on_purpose=table.each("faults", _on_purpose) if "faults" in table else (),
-        slips=table.each("slips", _slip) if "slips" in table else (),
         stop=_stop(table) if "stopped" in table and not table.is_null("stopped") else None,
     )
 
@@ -198,10 +194,6 @@ def _duration_s(table: Table, key: str) -> float:
 
 def _switching(table: Table) -> Switching:
     return Switching(table.text("name"), table.truth("on"), table.number("from_s"), table.number("until_s"))
-
-
-def _slip(table: Table) -> RotorSlip:
-    return RotorSlip(table.text("name"), table.number("at_s"), table.number("full_steps"))
 
 
 def _on_purpose(table: Table) -> StoredFault:

@@ -38,7 +38,7 @@ class FolderVerdict:
         fault: the fault that ended the run, from the stored report; None if the run came to its end.
         interruption: how far a recording goes that has no end, which cannot pass; None if it has one.
         noted: what the files beside the report do not show: of a capture, the reasons that were seen in the file of the
-            logic analyser alone; the rotors that slipped.
+            logic analyser alone.
         simulated: False for a capture of a real controller.
         on_purpose: the faults of the run's scenario, from the stored report.
         stop: what has stopped a live board's machine since its motion began, which cannot pass; None: nothing has.
@@ -110,7 +110,7 @@ def verify_folder(folder: Path, plan_folder: Path | None = None) -> FolderVerdic
 
 def _noted(said: StoredReport) -> tuple[str, ...]:
     """Return the reasons that only the stored report knows."""
-    return (*(said.capture.reasons if said.capture else ()), *map(str, said.slips))
+    return said.capture.reasons if said.capture else ()
 
 
 def _after_the_end(stored: StoredRun) -> list[str]:

@@ -24,7 +24,6 @@ from steptwin.host.record.folder.edges_file import write_edges
 from steptwin.host.record.folder.layout import (
     BUS_LOG,
     EDGES,
-    MOTORS,
     REPORT,
     ROBOT,
     TRAJECTORY,
@@ -95,7 +94,8 @@ def write_folder(
         with whole_file(new / BUS_LOG) as file:
             file.writelines(log_line(*entry).encode() for entry in bus_log)
         for name, seen in evidence.features.items():
-            write_json(new / feature_file(name), judge_of(name).stored(seen, (expected or {}).get(name)))
+            held = judge_of(name).stored(seen, (expected or {}).get(name), evidence.start_counts)
+            write_json(new / feature_file(name), held)
         write_waveform(
             new / Format.VCD.file_name,
             wires(evidence),
@@ -108,7 +108,7 @@ def write_folder(
 
 def older_files() -> tuple[str, ...]:
     """Return the names of the files that tell of a folder's run, all pictures of runs included."""
-    return (*_files(), MOTORS, *(f"{name}.png" for name in DEFAULT_PICTURES))
+    return (*_files(), *(f"{name}.png" for name in DEFAULT_PICTURES))
 
 
 def can_draw() -> bool:

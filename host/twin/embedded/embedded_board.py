@@ -1,8 +1,8 @@
 """Emulate a robot's board in this process, in virtual time, with the client's network connected to its bus."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import replace
 from math import floor
+from typing import Any
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.features.faults.engine import Engine, HostCondition
@@ -12,9 +12,6 @@ from steptwin.features.faults.kinds.harm import Harm
 from steptwin.features.faults.kinds.host import HostFault
 from steptwin.features.faults.kinds.machine import CYCLE_FULL_STEPS, SetInput
 from steptwin.features.faults.target import Moment, check_motors
-from steptwin.features.motors.rotors.rotors import RotorRecord
-from steptwin.features.motors.turning.after_run import RotorTrace, rotor_trace
-from steptwin.features.motors.turning.driving import followed_ms, last_edge_counts
 from steptwin.features.nodes.simple_node import SimpleNode
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.board_settings import Microsteps
@@ -62,17 +59,13 @@ class EmbeddedBoard:
                 operation is for motors that turn, and there are none.
         """
         schedule = tuple(schedule)
-        for each in schedule:
-            check_motors(each.operation, turning=options.motors)
         self.robot: Robot = robot
         self.options: MachineOptions = options
         parts = MachineParts.of(robot, kernel, options, commissioned=commissioned, waits_for=waits_for)
         self.driver_profile: DriverProfile = parts.driver_profile
         self._machine = EmulatedMachine(parts, schedule)
-        self._rotor_records: list[RotorRecord] = []
-        """What the rotors have done; nothing without motors."""
-        if watch := self._machine.simulation.rotor_watch:
-            watch.on_record = self._rotor_records.append
+        for each in schedule:
+            check_motors(each.operation, turning=self.motors_turn)
         self.host: HostCondition = self._machine.host
         """What a scenario has made of the host."""
         self.operations: OperationLog = self._machine.operations
@@ -246,14 +239,9 @@ class EmbeddedBoard:
         places = zip(self.held_positions(), self.motor_positions(), made, self.robot.axes, strict=True)
         return [held - steps - moved * joint.transmission.microsteps for held, steps, moved, joint in places]
 
-    def rotor_trace(self, evidence: Evidence) -> RotorTrace | None:
-        """Return what the rotors have done up to some ms after a run's last edge; None without motors."""
-        watch = self._machine.simulation.rotor_watch
-        if watch is None:
-            return None
-        watch.finish(followed_ms(last_edge_counts(evidence)))
-        trace = rotor_trace(self.robot, self._rotor_records, watch.rotors)
-        return replace(trace, other_payloads_kg=tuple(watch.other_payloads_kg))
+    def settled(self, evidence: Evidence) -> dict[str, Any]:
+        """Return what features find some time after the last edge of a run with this evidence, by their names."""
+        return self._machine.features_settled(max(axis.last_counts for axis in evidence.axes))
 
     @property
     def motors_turn(self) -> bool:

@@ -106,9 +106,9 @@ def execute(
         if (left := leaves(robot, made.trajectory, feature.options_in(options.extras))) is not None
     }
     comparison = compare(Expectation.of(robot, made.trajectory, expected), board.evidence())
-    rotors = board.rotor_trace(comparison.evidence)
+    settled = board.settled(comparison.evidence)
     report = verify_comparison(comparison, run)
-    return Outcome(
+    outcome = Outcome(
         made,
         comparison,
         report,
@@ -117,11 +117,13 @@ def execute(
         board.driver_profile.name,
         waits_made(plan, host.holds_ms, timed_out=timed_out),
         _played(board, comparison, report, fault),
-        rotors,
         tuple(board.operations.requests()),
         axes_per_board=tuple(options.axes_per_board or ()),
         crystals_ppm=options.crystals_ppm,
     )
+    for name, seen in settled.items():
+        outcome = outcome.with_feature(name, seen)
+    return outcome
 
 
 def _cut(motion: StreamedMotion, plan: Plan, cut_s: float) -> StreamedMotion:

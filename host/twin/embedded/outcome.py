@@ -1,18 +1,18 @@
 """Hold the result of a run on an embedded board: verdict, evidence, bus log, and the fault that ended it, if any."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from steptwin.features.faults.report import ScenarioReport
-from steptwin.features.motors.turning.after_run import RotorTrace
+from steptwin.host.common.features import judge_of
 from steptwin.host.operate.inputs_outputs import WaitMade, waits_document
 from steptwin.host.planning.plan import Plan
 from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, keep_recording, prepare_folder, write_folder
 from steptwin.host.record.folder.writing import can_draw, draw_here
 from steptwin.host.twin.machine.boards import crystals_document
-from steptwin.host.verify import Comparison, Report, RotorSlip
+from steptwin.host.verify import Comparison, Report
 from steptwin.protocol.frame import Frame
 
 
@@ -62,7 +62,7 @@ class Outcome:
             `at_s` since power-up.
         axes_per_board: number of axes on each of several boards; empty: one board had all.
         crystals_ppm: how fast each board's crystal was, in parts per million; empty: all were exact.
-        rotors: what the rotors did if the motors turned, with the board or after it; None without motors.
+        late_reasons: those reasons of the report that features have found after the run: no scenario excuses them.
     """
 
     plan: Plan
@@ -73,22 +73,33 @@ class Outcome:
     driver_profile: str
     waits: tuple[WaitMade, ...] = ()
     scenario: ScenarioReport | None = None
-    rotors: RotorTrace | None = None
     operations: tuple[Mapping[str, Any], ...] = ()
     axes_per_board: tuple[int, ...] = ()
     crystals_ppm: tuple[int, ...] = ()
+    late_reasons: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool:
-        """True if the run came to its end, every pulse is where the plan wants it, and no rotor that turned slipped."""
-        return self.fault is None and self.report.passed and not self.slips
+        """True if the run came to its end, and every pulse is where the plan wants it, and no feature has a reason."""
+        return self.fault is None and self.report.passed
 
-    @property
-    def slips(self) -> tuple[RotorSlip, ...]:
-        """The rotors that have slipped; none without motors."""
-        if self.rotors is None:
-            return ()
-        return self.rotors.slips(self.plan.robot.axis_names, self.comparison.evidence.start_counts)
+    def with_feature(self, name: str, seen: Any) -> "Outcome":
+        """Return the outcome with what a feature has found after the run, in place of what it had found before."""
+        comparison, report, judge = self.comparison, self.report, judge_of(name)
+        evidence, planned = comparison.evidence, comparison.expected.features.get(name)
+        before = evidence.features.get(name)
+        old = [] if before is None else judge.reasons(before, planned, evidence.start_counts)
+        new = judge.reasons(seen, planned, evidence.start_counts)
+        return replace(
+            self,
+            comparison=replace(comparison, evidence=replace(evidence, features={**evidence.features, name: seen})),
+            report=replace(
+                report,
+                reasons=(*(each for each in report.reasons if each not in old), *new),
+                features={**report.features, name: judge.document(seen, evidence.start_counts)},
+            ),
+            late_reasons=(*(each for each in self.late_reasons if each not in old), *new),
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the document that `steptwin run --json` prints."""
@@ -98,9 +109,6 @@ class Outcome:
             document["boards"] = list(self.axes_per_board)
         if self.operations:
             document["operations"] = list(self.operations)
-        if slips := self.slips:
-            document |= {"passed": False, "slips": [slip.to_dict() for slip in slips]}
-            document["reasons"] = [*document["reasons"], *map(str, slips)]
         if self.fault:
             document |= {"passed": False, "fault": self.fault.to_dict()}
         if self.scenario:

@@ -19,10 +19,9 @@ from steptwin.features.faults.kinds.bus import BusFault, BusRepair
 from steptwin.features.faults.kinds.harm import Harm, Surroundings
 from steptwin.features.faults.kinds.host import HostFault
 from steptwin.features.faults.reporting import played_document
-from steptwin.features.motors.turning.figures import RotorFigures
 from steptwin.features.nodes.simple_node import SimpleNode
 from steptwin.host.common.errors import InputError, RecordingError
-from steptwin.host.common.features import judge_of
+from steptwin.host.common.features import MachinePart, judge_of
 from steptwin.host.record.bus_log import BusLog, log_line
 from steptwin.host.record.folder import LIVE_JOB, AxisTotals, Header, Mark, Piece, Recording
 from steptwin.host.robots.board_settings import Microsteps
@@ -130,7 +129,7 @@ class LiveBoard:
             InputError: as `MachineParts.of`, or the scenario has a fault of the host, which is a program of its own.
             OSError: a file cannot be written.
         """
-        parts = MachineParts.of(robot, kernel, options, stretch_ticks=_STRETCH_TICKS)
+        parts = MachineParts.of(robot, kernel, options)
         self.robot = robot
         self.driver_profile: DriverProfile = parts.driver_profile
         self._machine = machine = EmulatedMachine(parts, log=self._log, operations_max=OPERATIONS_MAX)
@@ -160,11 +159,8 @@ class LiveBoard:
         self._plan = None if out is None else LivePlan(machine)
         self._motion = FollowedMotion(machine, self._plan)
         self._recording = None if out is None else Recording(out, self._header(), robot.toml)
-        self.rotors: RotorFigures | None = None
-        """What the rotors have done; None without motors."""
         if watch := machine.simulation.rotor_watch:
-            self.rotors = RotorFigures(robot, watch.rotors)
-            watch.on_record = self.rotors.add
+            watch.stretch_ticks = _STRETCH_TICKS
         self.live: LiveSimulation = LiveSimulation(machine.simulation, Pacer(time.perf_counter_ns(), speed))
 
     def _header(self) -> Header:
@@ -274,7 +270,7 @@ class LiveBoard:
         self._motion.follow(max(board.computed_counts for board in self._boards))
         self._measure_load()
         self.bus.faults.struck.clear()
-        for part in self._machine.parts.features.values():
+        for part in self.parts.values():
             part.end_round()
         lines, self._lines = self._lines, []
         if self._bus_log:
@@ -344,9 +340,14 @@ class LiveBoard:
         """Return the speed, and how late and how often held up the board was."""
         return {"speed": self.live.pacer.speed, **self.lateness(), "stalls": self.stalls()}
 
+    @property
+    def parts(self) -> Mapping[str, MachinePart]:
+        """The parts that features have of the machine, by their names."""
+        return self._machine.parts.features
+
     def features(self) -> dict[str, Any]:
         """Return what the parts of features have seen up to their last look, under their names."""
-        return {name: judge_of(name).document(part.seen(), 0) for name, part in self._machine.parts.features.items()}
+        return {name: judge_of(name).document(part.seen(), 0) for name, part in self.parts.items()}
 
     def lateness(self) -> dict[str, dict[str, float]]:
         """Return how late the servo ticks of motions and the board's frames were, in us of the wall clock."""
@@ -376,7 +377,6 @@ class LiveBoard:
                 "operations": self._machine.operations.requests(),
                 **speeds_document(speeds),
                 **self.features(),
-                **({} if self.rotors is None else {"motors": self.rotors.to_dict()}),
                 **({} if self.engine is None else played_document(self.engine)),
             },
         )

@@ -7,7 +7,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Unpack
 
@@ -18,7 +17,6 @@ from steptwin.features.faults.kinds.harm import Operation
 from steptwin.features.firmware.process import FirmwareError
 from steptwin.host.client.links.bus_link import Connection, check_interface, open_bus
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
-from steptwin.host.common.extras import installing
 from steptwin.host.common.listening import CHANNEL, LOOPBACK, PORT, is_loopback, listen
 from steptwin.host.record.folder import keep_any_run, keep_log, prepare_folder
 from steptwin.host.robots.robot import Robot
@@ -244,7 +242,7 @@ class ServedBoard:
             log: file that receives the bus log alone.
             replace: let `out` replace a run or a recording that the folder holds, and `log` an older file.
             machine: how the machine differs from the robot's file, and what happens to it: the fields of
-                `MachineOptions`. Motors need numba.
+                `MachineOptions`.
 
         Raises:
             InputError: an argument is out of its range, or contradicts another one, or something would be replaced.
@@ -256,9 +254,8 @@ class ServedBoard:
         if not SPEED_MIN <= speed <= SPEED_MAX:
             raise InputError(f"speed={speed:g}: is not from {SPEED_MIN:g} to {SPEED_MAX:g}")
         options.joints(robot)
-        if options.motors and not find_spec("numba"):
-            raise InputError(f"motors=True: without numba the rotors cannot keep real time; {installing('fast')}")
         options.boards_of(robot)
+        options.check_features(real_time=True)
         _check_replaced(out, log, replace=replace)
         folder = None if out is None else prepare_folder(out)
         self.endpoint: Endpoint = open_endpoint(host, port, interface, channel, bits_per_s, allow_remote=allow_remote)

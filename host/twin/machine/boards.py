@@ -57,13 +57,12 @@ def _listed(counts: Sequence[int]) -> str:
     return ",".join(map(str, counts))
 
 
-def check_crystals(crystals_ppm: Sequence[int], boards: int, *, motors: bool) -> None:
-    """Raise InputError unless the crystals are in range, one for each board, and no motors turn with those that drift.
+def check_crystals(crystals_ppm: Sequence[int], boards: int) -> None:
+    """Raise InputError unless the crystals are in range, one for each board.
 
     Args:
         crystals_ppm: how fast each board's crystal is, in parts per million; empty: all are exact.
         boards: number of boards.
-        motors: True if motors turn with the boards.
     """
     if not any(crystals_ppm) and len(crystals_ppm) in (0, boards):
         return
@@ -75,8 +74,6 @@ def check_crystals(crystals_ppm: Sequence[int], boards: int, *, motors: bool) ->
             raise InputError(f"crystal_ppm={given}: {limits}; the nearest is {nearest}")
     if len(crystals_ppm) != boards:
         raise InputError(f"crystal_ppm={given}: has {len(crystals_ppm)} numbers, but the boards are {boards}")
-    if motors:
-        raise InputError(f"crystal_ppm={given}: motors that turn with the board need its exact crystal, 0")
 
 
 def crystals_document(crystals_ppm: Sequence[int]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Put an emulated machine together: its boards with their drivers, the motors at the drivers, the parts of features."""
+"""Put an emulated machine together: its boards with their drivers, and the parts of features."""
 
 from collections import deque
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -17,8 +17,6 @@ from steptwin.features.faults.kinds.harm import Harm
 from steptwin.features.faults.requests import request_of
 from steptwin.features.faults.target import Target
 from steptwin.features.firmware.process import FirmwareError
-from steptwin.features.motors.rotors.rotor_watch import REST_TICKS, MotorWiring
-from steptwin.features.motors.turning.drives import motor_wiring
 from steptwin.features.nodes.eds_nodes import eds_nodes
 from steptwin.features.nodes.simple_node import SimpleNode
 from steptwin.host.common.errors import InputError
@@ -44,7 +42,6 @@ class MachineParts:
         start_steps: where the motors stand, in steps of the robot's file from their axes' zeros.
         commissioned: True for boards whose flash holds the robot's settings, False for new ones.
         boards: the boards, without power.
-        motors: the motors that turn with the boards; None if they do not.
         nodes: the further nodes on the bus, by their ids.
         features: the parts that features have, by their names.
     """
@@ -55,7 +52,6 @@ class MachineParts:
     start_steps: Sequence[int]
     commissioned: bool
     boards: Sequence[Board]
-    motors: MotorWiring | None
     nodes: Mapping[int, SimpleNode]
     features: Mapping[str, MachinePart]
 
@@ -68,7 +64,6 @@ class MachineParts:
         *,
         commissioned: bool = True,
         waits_for: Collection[str] | None = None,
-        stretch_ticks: int = REST_TICKS,
     ) -> "MachineParts":
         """Make the parts.
 
@@ -78,17 +73,16 @@ class MachineParts:
             options: how it differs from the robot's file.
             commissioned: True for boards whose flash holds the robot's settings, False for new ones.
             waits_for: inputs for which the motion waits; None: unknown.
-            stretch_ticks: greatest number of servo ticks that the rotors turn at once while an axis moves.
 
         Raises:
             InputError: a joint or the drivers do not exist, or cannot be set as the robot needs them, or have no such
-                switches, or a feature's options do not fit, or the robot's file does not describe motors and masses,
-                or the boards have not as many axes as the robot, or a crystal is too far off or motors turn with it,
-                or an EDS cannot be read or its node's id is taken.
+                switches, or a feature's options do not fit, or the boards have not as many axes as the robot, or a
+                crystal is too far off, or an EDS cannot be read or its node's id is taken.
         """
         options.check_firmware()
         firmware = None if options.firmware is None else Path(options.firmware)
         joints, per_board, profile = options.joints(robot), options.boards_of(robot), options.driver_profile
+        options.check_features()
         drivers = driver_profile(robot.board, profile)
         configs = board_configs(robot, joints, per_board, profile, options.dip_microsteps, options.crystals_ppm)
         parts = {
@@ -103,7 +97,6 @@ class MachineParts:
             standing_steps(robot, joints),
             commissioned,
             make_boards(robot, configs, kernel, commissioned=commissioned, firmware=firmware),
-            motor_wiring(robot, drivers.chip, joints, per_board, stretch_ticks) if options.motors else None,
             {} if options.nodes is None else eds_nodes(options.nodes, len(robot.axes)),
             parts,
         )
@@ -173,7 +166,7 @@ class EmulatedMachine(Target):
         try:
             joining = [part.join for part in parts.features.values()]
             nodes = tuple(parts.nodes.values())
-            simulation = Simulation(parts.boards, self.bus, schedule, parts.motors, nodes, joining)
+            simulation = Simulation(parts.boards, self.bus, schedule, nodes, joining)
         except FirmwareError as error:
             raise InputError(f"firmware={error}") from error
         super().__init__(robot, simulation, parts.start_steps)
@@ -197,4 +190,10 @@ class EmulatedMachine(Target):
 
     def features_evidence(self) -> dict[str, Any]:
         """Let the parts of features look; return what they have seen since power-up, by name."""
-        return {name: part.evidence() for name, part in self.parts.features.items()}
+        found = {name: part.evidence() for name, part in self.parts.features.items()}
+        return {name: seen for name, seen in found.items() if seen is not None}
+
+    def features_settled(self, last_counts: int) -> dict[str, Any]:
+        """Return what the parts of features find some time after a run's last edge, by name."""
+        found = {name: part.settled(last_counts) for name, part in self.parts.features.items()}
+        return {name: seen for name, seen in found.items() if seen is not None}

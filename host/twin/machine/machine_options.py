@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypedDict, cast
 from steptwin.host.common.bad_input import prefixed, shortened, unknown
 from steptwin.host.common.choices import check_bitrate, name_value_pairs
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import giving
 from steptwin.host.common.numbers import digits_in, finite_number, whole
 
 if TYPE_CHECKING:
     from steptwin.features.faults.kinds.harm import Harm
     from steptwin.features.faults.scenario import Scenario
     from steptwin.host.robots.robot import Robot
+    from steptwin.protocol.drivers import DriverProfile
 
 
 class Spelling(NamedTuple):
@@ -32,6 +34,7 @@ class Spelling(NamedTuple):
         read: makes the value from the text; from the list of texts if the option is repeatable.
         repeatable: True if the option may stand several times.
         short: its name in one letter; empty if it has none.
+        served: True if on the command line it is for served boards only.
     """
 
     option: str
@@ -41,6 +44,7 @@ class Spelling(NamedTuple):
     read: Callable[[Any], Any] = lambda text: text
     repeatable: bool = False
     short: str = ""
+    served: bool = False
 
 
 SPELLING: Final = "spelling"
@@ -118,7 +122,6 @@ class MachineKeywords(TypedDict, total=False):
     driver_profile: str | None
     dip_microsteps: Mapping[str, int] | None
     scenario: "Scenario | Sequence[Harm] | Path | str | None"
-    motors: bool
     axes_per_board: Sequence[int] | None
     crystal_ppm: int | Sequence[int]
     bitrate: int | None
@@ -158,12 +161,6 @@ _FAULTS = Spelling(
     example='"faults.toml"',
     says="Let the faults of a scenario happen: TOML with [[fault]] (docs/faults.md).",
 )
-_MOTORS = Spelling(
-    option="--motors",
-    value="",
-    example="True",
-    says="Let the motors turn with the board, with the arm's masses: switches follow them (docs/motors.md).",
-)
 _BOARDS = Spelling(
     option="--boards",
     value="N,N,...",
@@ -175,7 +172,7 @@ _CRYSTAL = Spelling(
     option="--crystal",
     value="PPM,...",
     example="[100, -100]",
-    says="How fast each board's crystal is, from -1000 to 1000 parts per million; no motors turn with one that is off.",
+    says="How fast each board's crystal is, from -1000 to 1000 parts per million.",
     read=read_crystals,
 )
 
@@ -217,7 +214,6 @@ class MachineOptions:
     driver_profile: str | None = field(default=None, metadata={SPELLING: _DRIVERS})
     dip_microsteps: Mapping[str, int] | None = field(default=None, metadata={SPELLING: _DIP})
     scenario: "Scenario | Sequence[Harm] | Path | str | None" = field(default=None, metadata={SPELLING: _FAULTS})
-    motors: bool = field(default=False, metadata={SPELLING: _MOTORS})
     axes_per_board: Sequence[int] | None = field(default=None, metadata={SPELLING: _BOARDS})
     crystal_ppm: int | Sequence[int] = field(default=0, metadata={SPELLING: _CRYSTAL})
     bitrate: int | None = field(default=None, metadata={SPELLING: _BITRATE})
@@ -273,15 +269,26 @@ class MachineOptions:
         """Return the number of axes on each board.
 
         Raises:
-            InputError: the boards have not as many axes as the robot, or a crystal is too far off or motors turn with
-                it.
+            InputError: the boards have not as many axes as the robot, or a crystal is too far off.
         """
         from steptwin.host.twin.machine.boards import check_axes_per_board, check_crystals
 
         per_board = (len(robot.axes),) if self.axes_per_board is None else tuple(self.axes_per_board)
         check_axes_per_board(per_board, len(robot.axes))
-        check_crystals(self.crystals_ppm, len(per_board), motors=self.motors)
+        check_crystals(self.crystals_ppm, len(per_board))
         return per_board
+
+    def check_features(self, *, real_time: bool = False) -> None:
+        """Raise InputError if the options of a feature do not go with the other ones, in real time or not."""
+        for feature, check in giving("check_machine"):
+            check(self, feature.options_in(self.extras), real_time)
+
+    def warnings(self, robot: "Robot", drivers: "DriverProfile") -> dict[str, list[str]]:
+        """Return what features warn of before a machine with these drivers is operated, by their names."""
+        return {
+            feature.name: list(warnings(robot, drivers, feature.options_in(self.extras)))
+            for feature, warnings in giving("machine_warnings")
+        }
 
     def check_firmware(self) -> None:
         """Raise InputError if the firmware is no file, or a scenario is asked for: its reactions are our firmware's."""

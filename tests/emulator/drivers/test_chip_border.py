@@ -28,20 +28,22 @@ SLOW = Fact(Coupler(10_000, 10_000), MADE)
 ROBOT = load_robot("lab-scara")
 
 
+COUNTERS = DriverProfile(
+    name="counter",
+    title="counts edges",
+    chip=EDGE_COUNTER,
+    clk=SLOW,
+    direction=SLOW,
+    switched=False,
+    inputs=Fact(InputLevels(2.0), MADE),
+)
+
+
 @pytest.fixture
 def counters(monkeypatch: pytest.MonkeyPatch) -> str:
     """Name of a profile with these chips, behind slow couplers."""
-    profile = DriverProfile(
-        name="counter",
-        title="counts edges",
-        chip=EDGE_COUNTER,
-        clk=SLOW,
-        direction=SLOW,
-        switched=False,
-        inputs=Fact(InputLevels(2.0), MADE),
-    )
-    monkeypatch.setitem(PROFILES, "counter", profile)
-    return "counter"
+    monkeypatch.setitem(PROFILES, COUNTERS.name, COUNTERS)
+    return COUNTERS.name
 
 
 def tenths(drivers: str | None) -> Robot:
@@ -79,15 +81,6 @@ def test_it_runs_a_job_and_counts_each_edge(fast_kernel: Kernel, counters: str) 
 def test_a_robot_with_other_microsteps_is_refused(fast_kernel: Kernel, counters: str) -> None:
     with refusing(InputError):
         execute(there(ROBOT), "there", fast_kernel, driver_profile=counters)
-
-
-def test_motors_turn_with_it(fast_kernel: Kernel, counters: str) -> None:
-    robot, boards = tenths(counters), list[EmbeddedBoard]()
-    execute(there(robot), "there", fast_kernel, motors=True, on_board=boards.append)
-    rotors, held = boards[0].rotor_positions(), boards[0].held_positions()
-    for name, rotor, place in zip(robot.joint_names, rotors, held, strict=True):
-        assert rotor == pytest.approx(place, abs=2 * SUBSTEPS), name
-    assert boards[0].rotor_slips() == [0.0] * len(robot.joints)
 
 
 def test_it_has_no_capacitor_at_osc(fast_kernel: Kernel) -> None:

@@ -21,7 +21,7 @@ from steptwin.features.faults.kinds.host import HostFault, HostFaultKind
 from steptwin.features.faults.reactions import DOCUMENTED, documented
 from steptwin.features.faults.requests import REQUESTS, STATE, read_request
 from steptwin.features.faults.target import AxisMoment, Moment
-from steptwin.host.common.choices import MotorsTurn
+from steptwin.features.motors.options import MotorsTurn
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.cia402 import DigitalInput, State

@@ -20,9 +20,9 @@ from steptwin.features.campaigns.running import perform, run_seed, run_trial
 from steptwin.features.campaigns.trial import draw
 from steptwin.features.faults.reaction import GOES_ON, RUN_DRY, stops
 from steptwin.features.faults.report import FaultReport, ScenarioReport
+from steptwin.features.motors.options import MotorsTurn
 from steptwin.features.motors.turning import JointLoad, MotorVerdict
 from steptwin.features.motors.turning.verdict import ToolReached
-from steptwin.host.common.choices import MotorsTurn
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.verify import AxisEvidence
 from steptwin.protocol.drivers import bare_chip

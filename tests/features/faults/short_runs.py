@@ -4,6 +4,8 @@ from dataclasses import replace
 from functools import cache
 from typing import Final
 
+import pytest
+
 from steptwin.controller.motion.backend import Kernel
 from steptwin.features.faults.report import ScenarioReport
 from steptwin.features.faults.scenario import Scenario, parse_scenario
@@ -36,6 +38,12 @@ def scenario(text: str) -> Scenario:
     return read
 
 
+def _turning() -> list[object]:
+    """Return the option of motors that turn with the board; skip the test where motors are not installed."""
+    options = pytest.importorskip("steptwin.features.motors.options")
+    return [options.MotorOptions(motors=True)]
+
+
 def played(
     kernel: Kernel,
     text: str,
@@ -51,7 +59,7 @@ def played(
         "carry",
         kernel,
         scenario=scenario(text),
-        motors=motors,
+        extras=_turning() if motors else (),
         axes_per_board=boards,
         crystal_ppm=crystals,
     )

@@ -87,7 +87,7 @@ def test_run_refuses_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture
     assert run(["run", "teaching-scara", "carry", "--faults", heavy]) == 2
     assert capsys.readouterr().err == (
         "steptwin: 1 payload: payload_kg: 2.5 kg: only motors that turn with the board feel it:"
-        " run --motors=loop, serve --motors, or motors=True in a test\n"
+        " run --motors=loop, serve --motors, or MotorOptions in a test\n"
     )
 
 

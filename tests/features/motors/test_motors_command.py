@@ -56,6 +56,12 @@ def test_a_run_with_motors_ends_with_their_verdict(tmp_path: Path, capsys: pytes
     kept = json.loads((tmp_path / "motors.json").read_text(encoding="utf-8"))
     assert kept["kept_step"] is True
     assert [joint["name"] for joint in kept["joints"]] == JOINTS
+    assert json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))["motors"]["kept_step"] is True
+    assert run(["verify", str(tmp_path)]) == 0
+    (tmp_path / "motors.json").write_text(json.dumps(kept | {"supply_v": 25.0}), encoding="utf-8")
+    capsys.readouterr()
+    assert run(["verify", str(tmp_path)]) == 1
+    assert "report.json says motors = " in capsys.readouterr().out
 
 
 @pytest.mark.slow
@@ -146,7 +152,10 @@ def test_motors_in_the_loop_tell_what_they_tell_after_the_run(
     mine = tmp_path / "mine.toml"
     mine.write_text(text.replace("payload_kg = 0.1", "payload_kg = 80.0"), encoding="utf-8")
     words = ("run", "--robot-file", str(mine), "carry")
-    slipped = run_json(capsys, *words, "--motors=loop", exit_code=1)
+    out = tmp_path / "out"
+    slipped = run_json(capsys, *words, "--motors=loop", "--out", str(out), exit_code=1)
+    (reason,) = slipped["reasons"][:1]
+    assert reason in run_json(capsys, "verify", str(out), exit_code=1)["reasons"]
     after = run_json(capsys, *words, "--motors", exit_code=1)
     assert slipped["passed"] is False
     assert "full steps away" in slipped["reasons"][0]

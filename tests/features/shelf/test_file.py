@@ -38,7 +38,7 @@ def test_what_is_written_is_read(store_run: Path) -> None:
     assert planned is not None
     assert planned.boxes == {"A1": "box"}
     for expected in (planned, None):
-        assert read(json_table(json.dumps(stored(shelf, expected)))) == (shelf, expected)
+        assert read(json_table(json.dumps(stored(shelf, expected, 0)))) == (shelf, expected)
 
 
 @pytest.mark.slow

@@ -4,18 +4,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pytest
 
-from steptwin.features.motors.rotors.motor import CATALOGUE
-from steptwin.features.motors.turning.drives import drive_of
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import brought_text, load_robot, parse_robot
 from steptwin.host.robots.joint import Joint
-from steptwin.host.robots.motor import MOTORS, Dynamics, JointLink, JointMotor
+from steptwin.host.robots.motor import Dynamics, JointLink, JointMotor
 from steptwin.host.robots.switches import JointSwitches
-from steptwin.protocol.drivers import bare_chip
-from tests.end_to_end.pages import read_page
 from tests.host.complaints import complaint_of
 from tests.host.robots.coupled import coupled_text
 from tests.messages import refusing
@@ -24,20 +19,6 @@ OWN: dict[str, Any] = {
     "resistance_ohm": 1.4, "inductance_mh": 3.0, "holding_torque_nm": 0.59, "rated_current_a": 2.0,
     "rotor_inertia_gcm2": 82.0, "detent_torque_nm": 0.0,
 }  # fmt: skip
-
-
-def test_the_motors_that_files_may_name_are_those_of_the_catalogue() -> None:
-    assert tuple(CATALOGUE) == MOTORS
-
-
-def test_the_page_lists_the_catalogue_with_its_figures() -> None:
-    page = read_page("docs/motors.md")
-    for motor in CATALOGUE.values():
-        figures = (
-            motor.resistance_ohm, motor.inductance_mh, motor.holding_torque_nm, motor.rated_current_a,
-            motor.rotor_inertia_gcm2, motor.detent_torque_nm,
-        )  # fmt: skip
-        assert f"| {motor.name} | {' | '.join(f'{figure:g}' for figure in figures)} | {motor.source} |" in page
 
 
 @pytest.mark.parametrize(
@@ -91,12 +72,6 @@ def stopped(stops: Mapping[str, Any], **changes: Any) -> Joint:
 
 
 class TestEndStops:
-    def test_are_angles_of_the_rotor(self) -> None:
-        drive = drive_of(stopped({"stop_lower": -180.0, "stop_upper": 155.01}), bare_chip(330).chip)
-        turns = ELBOW.transmission.ratio
-        assert drive.lower_rad == pytest.approx(-np.pi * turns)
-        assert drive.upper_rad == pytest.approx(np.deg2rad(155.01) * turns)
-
     @pytest.mark.parametrize(
         ("stops", "changes"),
         [

@@ -1,20 +1,17 @@
-"""The verdict of a board under test beside its steps: microsteps that do not agree, and rotors that have slipped."""
+"""The verdict of a board under test beside its steps: microsteps that do not agree."""
 
 import shutil
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from steptwin.controller.motion.backend import Kernel
 from steptwin.features.firmware.process import interface_files
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.board_under_test import BoardUnderTest
-from tests.host.twin.embedded.test_excitation import Master
 
 TEACHING = load_robot("teaching-scara")
 GCC = shutil.which("gcc") or shutil.which("cc")
@@ -37,18 +34,3 @@ def test_a_firmware_that_sets_other_microsteps_is_named(standing: Plan, tmp_path
     board.wait(0.01)
     named = [reason for reason in board.verify(standing.trajectory).reasons if "microsteps" in reason]
     assert named == ["d3: driver and board make 16 microsteps, the robot's file says 8"]
-
-
-def test_a_rotor_that_slips_is_named(standing: Plan, fast_kernel: Kernel) -> None:
-    """A payload of 200 kg is too heavy for a turn by 5 degrees; the drivers' counts alone show nothing."""
-    assert TEACHING.dynamics is not None
-    robot = replace(TEACHING, dynamics=replace(TEACHING.dynamics, payload_kg=200.0))
-    board = BoardUnderTest(robot, kernel=fast_kernel, motors=True)
-    master = Master(board, "th1")
-    master.enable()
-    assert not any("slips" in reason for reason in board.verify(standing.trajectory).reasons)
-    master.move_to(5.0, 0.3)
-    assert board.slipped()["th1"] != 0
-    (said,) = [reason for reason in board.verify(standing.trajectory).reasons if "slips" in reason]
-    assert said.startswith("th1: ")
-    assert said.endswith(f"ends {abs(board.slipped()['th1'])} full steps away")

@@ -8,6 +8,8 @@ import pytest
 from steptwin.controller.motion.backend import Kernel
 from steptwin.features.faults.kinds import Scheduled
 from steptwin.features.faults.kinds.machine import Payload, Slip
+from steptwin.features.motors.evidence import trace_of
+from steptwin.features.motors.options import MotorOptions
 from steptwin.features.motors.report import print_motors, warn_of_payloads
 from steptwin.features.motors.rotors.rotor_watch import RotorWatch
 from steptwin.features.motors.rotors.rotors import RotorRecord, Rotors
@@ -35,6 +37,7 @@ from tests.messages import refusing
 
 TEACHING, LAB, WAREHOUSE = (load_robot(name) for name in ("teaching-scara", "lab-scara", "warehouse-scara"))
 LIMIT_METHOD = 17
+TURNING = [MotorOptions(motors=True)]
 
 
 def assert_same(ours: RotorTrace, theirs: RotorTrace, rows: int) -> None:
@@ -42,26 +45,31 @@ def assert_same(ours: RotorTrace, theirs: RotorTrace, rows: int) -> None:
         np.testing.assert_array_equal(getattr(ours, name)[:rows], getattr(theirs, name)[:rows], err_msg=name)
 
 
+def rotors_of(ran: Outcome) -> RotorTrace:
+    found = trace_of(ran.comparison.evidence)
+    assert found is not None
+    return found
+
+
 @pytest.fixture(scope="module")
 def outcomes(fast_kernel: Kernel) -> tuple[Outcome, Outcome]:
     """The same run without motors and with them."""
     made = plan(TEACHING, make_job(TEACHING, "carry", {}))
-    return execute(made, "carry", fast_kernel), execute(made, "carry", fast_kernel, motors=True)
+    return execute(made, "carry", fast_kernel), execute(made, "carry", fast_kernel, extras=TURNING)
 
 
 @pytest.mark.slow
 def test_rotors_in_the_loop_do_what_they_do_after_the_run(outcomes: tuple[Outcome, Outcome]) -> None:
     """To the last bit: how time is divided changes nothing, and the board's edges are the same as without motors."""
     without, ran = outcomes
-    assert without.rotors is None
-    assert ran.rotors is not None
+    assert trace_of(without.comparison.evidence) is None
     after = rotors_after_run(Driving.of(TEACHING, ran.comparison.evidence))
-    assert_same(ran.rotors, after, len(after.counts))
+    assert_same(rotors_of(ran), after, len(after.counts))
     assert np.abs(after.load_deg).max() > 20.0
     assert ran.bus_log == without.bus_log
     for ours, theirs in zip(ran.comparison.evidence.axes, without.comparison.evidence.axes, strict=True):
         np.testing.assert_array_equal(ours.step_counts, theirs.step_counts)
-    verdict = motors_of_run(TEACHING, ran.comparison, trace=ran.rotors).verdict
+    verdict = motors_of_run(TEACHING, ran.comparison, trace=rotors_of(ran)).verdict
     assert verdict == motors_of_run(TEACHING, ran.comparison).verdict
 
 
@@ -71,7 +79,7 @@ def test_the_payload_hangs_while_the_output_is_on(fast_kernel: Kernel) -> None:
     heavy, free = (
         replace(WAREHOUSE, dynamics=replace(WAREHOUSE.dynamics, payload_kg=payload_kg)) for payload_kg in (5.0, 0.0)
     )
-    board = BoardUnderTest(heavy, kernel=fast_kernel, motors=True)
+    board = BoardUnderTest(heavy, kernel=fast_kernel, extras=TURNING)
     shoulder, hand = Master(board, "th1"), Master(board, "th3")
     hand.write(od.DIGITAL_OUTPUTS_MASK, 0x10000, 4)
     shoulder.enable()
@@ -82,7 +90,7 @@ def test_the_payload_hangs_while_the_output_is_on(fast_kernel: Kernel) -> None:
     evidence = board.evidence()
     (pin,) = [axis.pins["out1"] for axis in evidence.axes if axis.name == "th3"]
     assert len(pin.counts) == 2
-    ours, after = board.rotor_trace(evidence), rotors_after_run(Driving.of(heavy, evidence))
+    ours, after = board.settled(evidence)["motors"].trace, rotors_after_run(Driving.of(heavy, evidence))
     assert ours is not None
     assert_same(ours, after, len(after.counts))
     without = rotors_after_run(Driving.of(free, evidence))
@@ -101,8 +109,6 @@ class TestAnotherPayload:
         fault = '[[fault]]\nat_s = 0.3003\ndo = "payload"\npayload_kg = 0.5\nfor_s = 0.2004\n'
         ran, report = played(fast_kernel, fault, motors=True)
         assert report.passed
-        assert ran.rotors is not None
-        assert usual.rotors is not None
         evidence = ran.comparison.evidence
         driving = Driving.of(TEACHING, evidence)
         at_s = np.array([0.3003, 0.3003 + 0.2004])
@@ -113,18 +119,18 @@ class TestAnotherPayload:
             arms=(driving.arms[1], arm_of(TEACHING, 0.5)),
         )
         after = rotors_after_run(changed)
-        assert_same(ran.rotors, after, len(after.counts))
+        assert_same(rotors_of(ran), after, len(after.counts))
         taken = -(-int(counts[0]) // COUNTS_PER_MS)
-        assert_same(ran.rotors, usual.rotors, taken)
-        assert not np.array_equal(ran.rotors.load_deg[taken], usual.rotors.load_deg[taken])
+        assert_same(rotors_of(ran), rotors_of(usual), taken)
+        assert not np.array_equal(rotors_of(ran).load_deg[taken], rotors_of(usual).load_deg[taken])
 
     @pytest.mark.slow
     def test_that_is_too_heavy_makes_motors_slip(self, fast_kernel: Kernel, capsys: pytest.CaptureFixture[str]) -> None:
         """Nothing on the board tells it: the drivers have counted what was planned."""
         ran, report = played(fast_kernel, '[[fault]]\nat_s = 0.3\ndo = "payload"\npayload_kg = 100\n', motors=True)
         assert report.passed
-        assert ran.report.passed
-        verdict = motors_of_run(TEACHING, ran.comparison, trace=ran.rotors).verdict
+        assert ran.report.reasons == ran.late_reasons
+        verdict = motors_of_run(TEACHING, ran.comparison, trace=rotors_of(ran)).verdict
         slips = [joint.first_slip_s for joint in verdict.joints if joint.first_slip_s is not None]
         assert slips
         assert min(slips) > 0.3
@@ -152,7 +158,7 @@ AXIS, LIMIT = "d1", -5.0
 
 @pytest.fixture(scope="module")
 def weak_board(fast_kernel: Kernel) -> BoardUnderTest:
-    return BoardUnderTest(LAB, stand_at={AXIS: LIMIT + 1}, kernel=fast_kernel, motors=True)
+    return BoardUnderTest(LAB, stand_at={AXIS: LIMIT + 1}, kernel=fast_kernel, extras=TURNING)
 
 
 @pytest.fixture(scope="module")
@@ -226,13 +232,13 @@ def homed(board: BoardUnderTest) -> tuple[list[object], list[float]]:
 
 @pytest.fixture(scope="module")
 def usual_homing(fast_kernel: Kernel) -> tuple[list[object], list[float]]:
-    return homed(BoardUnderTest(LAB, stand_at={"d1": -5.3}, kernel=fast_kernel, motors=True))
+    return homed(BoardUnderTest(LAB, stand_at={"d1": -5.3}, kernel=fast_kernel, extras=TURNING))
 
 
 def test_an_elbow_that_homes_too_hard_turns_the_shoulder_out_of_step(fast_kernel: Kernel) -> None:
     """At 360 deg/s2, which its own motor manages; at the file's acceleration the shoulder's motor holds against it."""
     for acceleration, lost in ((None, False), (360.0, True)):
-        board = BoardUnderTest(LAB, stand_at={"th2": 0.0, "th3": 5.0}, kernel=fast_kernel, motors=True)
+        board = BoardUnderTest(LAB, stand_at={"th2": 0.0, "th3": 5.0}, kernel=fast_kernel, extras=TURNING)
         start_homing(board, LAB, "th3", acceleration)
         board.wait(0.6)
         assert board.slipped()["th3"] == 0
@@ -266,7 +272,7 @@ def test_a_stretched_arm_homes_as_its_file_says_and_slips_if_it_homes_faster(
     """At the pose with the greatest inertia, near the switch; at 720 deg/s2 it needs more torque than there is."""
     robot = load_robot(name)
     stand_at = {joint: robot.joint(joint).lower + 1.0, elbow: 0.0}
-    board = BoardUnderTest(robot, stand_at=stand_at, kernel=fast_kernel, motors=True)
+    board = BoardUnderTest(robot, stand_at=stand_at, kernel=fast_kernel, extras=TURNING)
     master = start_homing(board, robot, joint, 720.0 if too_steep else None)
     board.wait(0.8 if too_steep else 4.0)
     assert too_steep or master.read(od.STATUSWORD) & 0x1400 == 0x1400
@@ -282,17 +288,17 @@ def test_the_length_of_stretches_changes_nothing(
 ) -> None:
     """The same frames, the same rotors."""
     monkeypatch.setattr("steptwin.features.motors.rotors.rotor_watch.REST_TICKS", ticks)
-    assert homed(BoardUnderTest(LAB, stand_at={"d1": -5.3}, kernel=fast_kernel, motors=True)) == usual_homing
+    assert homed(BoardUnderTest(LAB, stand_at={"d1": -5.3}, kernel=fast_kernel, extras=TURNING)) == usual_homing
 
 
 def test_nor_do_pieces_of_stretches(usual_homing: tuple[list[object], list[float]], fast_kernel: Kernel) -> None:
-    board = BoardInPieces(LAB, stand_at={"d1": -5.3}, kernel=fast_kernel, motors=True)
+    board = BoardInPieces(LAB, stand_at={"d1": -5.3}, kernel=fast_kernel, extras=TURNING)
     assert homed(board) == usual_homing
     assert board.pieces > 20
 
 
 def test_a_slip_on_purpose_is_one_of_the_rotor(fast_kernel: Kernel) -> None:
-    board = BoardUnderTest(TEACHING, kernel=fast_kernel, motors=True)
+    board = BoardUnderTest(TEACHING, kernel=fast_kernel, extras=TURNING)
     master = Master(board, "th1")
     master.enable()
     board.wait(0.02)
@@ -320,13 +326,13 @@ def driven_into_its_stop(
     assert shoulder.link is not None
     stopped = replace(shoulder, switches=JointSwitches(), homing=None, link=replace(shoulder.link, stop_upper=STOP_DEG))
     robot = replace(TEACHING, joints=(stopped, *TEACHING.joints[1:]))
-    board = kind(robot, stand_at={"th1": 128.0}, kernel=kernel, motors=True)
+    board = kind(robot, stand_at={"th1": 128.0}, kernel=kernel, extras=TURNING)
     master = Master(board, "th1")
     master.enable()
     master.home(37, 120.0)
     master.move_to(130.0, 1.0)
     evidence = board.evidence()
-    ours = board.rotor_trace(evidence)
+    ours = board.settled(evidence)["motors"].trace
     assert ours is not None
     after = rotors_after_run(Driving.of(robot, evidence))
     return ours, after, master.position(), board.rotor_joints()["th1"], board.slipped()["th1"]
@@ -380,7 +386,7 @@ def test_without_motors_the_rotor_is_where_the_driver_has_counted(fast_kernel: K
 
 def test_a_robot_whose_masses_are_unknown_has_no_motors_in_the_loop(fast_kernel: Kernel) -> None:
     with refusing(InputError):
-        BoardUnderTest(replace(LAB, dynamics=None), kernel=fast_kernel, motors=True)
+        BoardUnderTest(replace(LAB, dynamics=None), kernel=fast_kernel, extras=TURNING)
 
 
 class TestALiveBoard:
@@ -389,12 +395,11 @@ class TestALiveBoard:
         """The rotors of a board in real time are those of any other, however late its process looks."""
         found = []
         for stride_ms, pieces in ((1, 0), (7, 0), (1, 1), (1, 4)):
-            session = LiveSession(fast_kernel, motors=True, stride_ms=stride_ms, pieces=pieces)
+            session = LiveSession(fast_kernel, extras=TURNING, stride_ms=stride_ms, pieces=pieces)
             session.send(NMT_START)
             session.move(0)
             session.wait(60)
-            assert session.board.rotors
-            found.append((session.board.live.simulation.rotors_full_steps(), session.board.rotors.to_dict()))
+            found.append((session.board.live.simulation.rotors_full_steps(), session.board.features()["motors"]))
         assert all(each == found[0] for each in found)
         joints = found[0][1]["joints"]
         assert abs(joints[JOINT]["load_angle_deg"]) > 1.0
@@ -411,7 +416,7 @@ class TestALiveBoard:
             at_once_ticks.append(tick)
             turn(watch, tick)
 
-        session = LiveSession(fast_kernel, motors=True, pieces=4)
+        session = LiveSession(fast_kernel, extras=TURNING, pieces=4)
         session.send(NMT_START)
         session.move(0, 60)
         monkeypatch.setattr(RotorWatch, "_turn", noted)
@@ -420,7 +425,7 @@ class TestALiveBoard:
         assert not at_once_ticks
 
     def test_takes_another_payload(self, fast_kernel: Kernel) -> None:
-        board = LiveSession(fast_kernel, motors=True, axes_per_board=(4, 2)).board
+        board = LiveSession(fast_kernel, extras=TURNING, axes_per_board=(4, 2)).board
         usual_kg = board.surroundings.payload_kg
         board.operate(Payload(5.0))
         assert usual_kg != board.surroundings.payload_kg == 5.0
@@ -428,7 +433,7 @@ class TestALiveBoard:
             LiveSession(fast_kernel).board.operate(Payload(5.0))
 
     def test_axes_of_several_boards_turn_one_arm(self, fast_kernel: Kernel) -> None:
-        together, apart = (LiveSession(fast_kernel, motors=True, axes_per_board=axes) for axes in ((6,), (4, 2)))
+        together, apart = (LiveSession(fast_kernel, extras=TURNING, axes_per_board=axes) for axes in ((6,), (4, 2)))
         for session in (together, apart):
             session.send(NMT_START)
             session.move(0)
@@ -436,6 +441,6 @@ class TestALiveBoard:
         assert ours == pytest.approx(theirs, abs=0.05)
 
     def test_it_needs_numba(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr("steptwin.host.twin.live.served_board.find_spec", lambda _: None)
+        monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
         with pytest.raises(InputError, match=r"motors=True: without numba .* install .*\[fast\]'"):
-            ServedBoard(LAB, port=0, motors=True)
+            ServedBoard(LAB, port=0, extras=TURNING)

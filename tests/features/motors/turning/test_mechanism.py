@@ -11,8 +11,9 @@ from steptwin.features.motors.rotors.mechanics import GRAVITY_M_S2
 from steptwin.features.motors.rotors.rotor_backend import arm_arrays, joint_arrays, python_rotors
 from steptwin.features.motors.rotors.rotor_kernel import PLACE, RATE, STATE_FIELDS
 from steptwin.features.motors.turning.mechanism import arm_of, joints_by_rotor
-from steptwin.host.robots import robot_names
+from steptwin.host.robots import read_robot, robot_names
 from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.new_file import robot_text, with_settings
 from steptwin.host.robots.robot import Robot
 
 Array = NDArray[np.float64]
@@ -116,3 +117,9 @@ def test_sliders_of_the_hybrid_arm_are_on_their_screws() -> None:
         height = float(geometry["l1_mm"]) + joints[robot.index_of(name)]
         assert np.hypot(*origin[:2]) == pytest.approx(abs(float(geometry["l2_mm"]) + side * float(geometry["h_mm"])))
         assert origin[2] == pytest.approx(height)
+
+
+def test_bodies_stand_on_the_base_each_for_itself_of_bare_axes() -> None:
+    arm = arm_of(read_robot(robot_text("table", "axes", *with_settings("axes", {}))), 2.0)
+    assert [body.parent for body in arm.bodies] == [-1]
+    assert arm.bodies[0].mass_kg == 2.0

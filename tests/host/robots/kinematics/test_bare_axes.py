@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from steptwin.features.motors.turning.mechanism import arm_of
 from steptwin.host.cli.app import run
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
@@ -94,9 +93,3 @@ def test_a_run_has_a_verdict_without_errors_of_a_tool(tmp_path: Path, capsys: py
 def test_names_of_the_tools_coordinates_are_taken() -> None:
     with refusing(InputError):
         read_robot(table_text().replace("joints.table", "joints.z").replace("\ntable = ", "\nz = "))
-
-
-def test_bodies_stand_on_the_base_each_for_itself() -> None:
-    arm = arm_of(table(), 2.0)
-    assert [body.parent for body in arm.bodies] == [-1]
-    assert arm.bodies[0].mass_kg == 2.0

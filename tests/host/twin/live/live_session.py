@@ -1,5 +1,6 @@
 """A live board whose time the test advances, and the frames that move its axes."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from steptwin.controller.motion.backend import Kernel
@@ -58,7 +59,7 @@ class LiveSession:
         drivers: str | None = None,
         scenario: Scenario | None = None,
         *,
-        motors: bool = False,
+        extras: Sequence[object] = (),
         stride_ms: int = 1,
         pieces: int = 0,
     ) -> None:
@@ -72,7 +73,7 @@ class LiveSession:
                 axes_per_board=axes_per_board,
                 crystal_ppm=crystals_ppm,
                 driver_profile=drivers,
-                motors=motors,
+                extras=extras,
                 scenario=scenario,
             ),
             out=out,

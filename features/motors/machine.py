@@ -1,0 +1,66 @@
+"""The motors of one emulated machine, whose rotors turn with its boards."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from steptwin.emulator.simulation import Simulation
+from steptwin.features.motors.evidence import RotorsOfRun, RotorsSoFar
+from steptwin.features.motors.rotors.rotor_watch import RotorWatch
+from steptwin.features.motors.rotors.rotors import RotorRecord
+from steptwin.features.motors.turning.after_run import rotor_trace
+from steptwin.features.motors.turning.drives import check_described, motor_wiring
+from steptwin.features.motors.turning.driving import followed_ms
+from steptwin.features.motors.turning.figures import RotorFigures
+from steptwin.host.robots.robot import Robot
+
+
+class MotorPart:
+    """The motors of one machine, from power-up on."""
+
+    def __init__(self, robot: Robot, start_joints: Sequence[float], axes_per_board: Sequence[int]) -> None:
+        """Note where the joints of a robot stand at power-up, and the number of axes on each board.
+
+        Raises:
+            InputError: the robot's file does not describe its motors and masses.
+        """
+        check_described(robot)
+        self._robot, self._start_joints, self._axes_per_board = robot, start_joints, axes_per_board
+        self._watch: RotorWatch | None = None
+        self._figures: RotorFigures | None = None
+        self._records: list[RotorRecord] = []
+        """What the rotors have done since power-up, or on a served board since the last round."""
+
+    def join(self, simulation: Simulation) -> RotorWatch:
+        """Return the rotors beside the boards of a simulation, which knows them by `rotor_watch`."""
+        chip = simulation.boards[0].drivers.drivers[0].module.chip
+        wiring = motor_wiring(self._robot, chip, self._start_joints, self._axes_per_board)
+        self._watch = RotorWatch(wiring, simulation.boards, lambda: simulation.now_counts)
+        self._figures = RotorFigures(self._robot, self._watch.rotors)
+        self._watch.on_record = self._take
+        simulation.rotor_watch = self._watch
+        return self._watch
+
+    def _take(self, record: RotorRecord) -> None:
+        assert self._figures is not None
+        self._figures.add(record)
+        self._records.append(record)
+
+    def evidence(self) -> None:
+        """Rotors are judged when a run has ended and they have come to rest."""
+
+    def seen(self) -> RotorsSoFar:
+        """Return what the rotors have done up to now."""
+        assert self._figures is not None, "the machine is not switched on"
+        return self._figures.so_far()
+
+    def settled(self, last_counts: int) -> RotorsOfRun:
+        """Return what the rotors have done up to some ms after the boards' last edge."""
+        watch = self._watch
+        assert watch is not None, "the machine is not switched on"
+        watch.finish(followed_ms(last_counts))
+        trace = rotor_trace(self._robot, self._records, watch.rotors)
+        return RotorsOfRun(self._robot, replace(trace, other_payloads_kg=tuple(watch.other_payloads_kg)))
+
+    def end_round(self) -> None:
+        """Forget all but the figures."""
+        self._records.clear()

@@ -1,0 +1,37 @@
+"""When the motors of an emulated machine turn."""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Final
+
+from steptwin.host.twin.machine.machine_options import SPELLING, Spelling
+
+
+class MotorsTurn(StrEnum):
+    """When the motors of a run turn, if they do."""
+
+    AFTER = "after"
+    """After the run, by its record."""
+    IN_LOOP = "loop"
+    """As it goes, so that the switches follow the rotors."""
+
+
+_MOTORS: Final = Spelling(
+    option="--motors",
+    value="",
+    example="True",
+    says="Let the motors turn with the board, with the arm's masses: switches follow them; no crystal may be off"
+    " (docs/motors.md).",
+    served=True,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotorOptions:
+    """The motors of an emulated machine; `motors` says whether they turn with its boards."""
+
+    motors: bool = field(default=False, metadata={SPELLING: _MOTORS})
+
+    def over(self, other: "MotorOptions") -> "MotorOptions":
+        """Return other options, with those of these that are no defaults in place of theirs."""
+        return MotorOptions(motors=self.motors or other.motors)
