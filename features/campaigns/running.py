@@ -12,6 +12,8 @@ from steptwin.features.campaigns.margins import MARGINS, Claim, Performance
 from steptwin.features.campaigns.recovery import recover, steps_off
 from steptwin.features.campaigns.row import Breach, Ended, Row, split_parameters
 from steptwin.features.campaigns.trial import Trial, draw
+from steptwin.features.faults.options import FaultOptions
+from steptwin.features.faults.part import repair
 from steptwin.features.motors.turning import MotorVerdict, motors_of_run
 from steptwin.host.common.choices import MotorsTurn
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
@@ -78,7 +80,7 @@ def perform(trial: Trial) -> Performance:
             trial.motion,
             _kernel(),
             driver_profile=trial.setup.driver_profile,
-            scenario=scenario,
+            extras=[FaultOptions(scenario=scenario)],
             motors=trial.motors is MotorsTurn.IN_LOOP,
             axes_per_board=trial.setup.axes_per_board,
             crystal_ppm=trial.setup.crystals_ppm,
@@ -88,7 +90,7 @@ def perform(trial: Trial) -> Performance:
     except (DeviceFaultError, BusError) as error:
         message = str(error)
     (board,) = boards
-    board.repair()  # and another host, if the first has died
+    repair(board)  # and another host, if the first has died
     claims, own_time = _claims(board), _by_own_clocks(trial, board, outcome)
     recovery = recover(board) if trial.recover else None
     return Performance(

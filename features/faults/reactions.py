@@ -10,6 +10,7 @@ from dataclasses import replace
 from math import inf
 from typing import Final
 
+from steptwin.emulator.drivers.axis_wires import WireState
 from steptwin.features.faults.kinds.bus import (
     Babble,
     BusFault,
@@ -38,7 +39,8 @@ from steptwin.features.faults.kinds.machine import (
     Supply,
     WatchdogReset,
 )
-from steptwin.features.faults.kinds.wiring import SetWire, WireState
+from steptwin.features.faults.kinds.wiring import SetWire
+from steptwin.features.faults.moment import Moment
 from steptwin.features.faults.reaction import (
     DEAF_BOARD_MS,
     GOES_ON,
@@ -54,7 +56,6 @@ from steptwin.features.faults.reaction import (
     Reaction,
     stops,
 )
-from steptwin.features.faults.target import Moment
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, State
 from steptwin.protocol.frame import COB_HEARTBEAT, COB_NMT, COB_SYNC, HOST_NODE_ID, Frame
 from steptwin.protocol.nmt import NmtCommand

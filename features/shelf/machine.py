@@ -16,6 +16,7 @@ from steptwin.features.shelf.section import Shelf
 from steptwin.features.shelf.watch import ShelfWatch, ShelfWiring
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import MachinePart
 from steptwin.host.operate.inputs_outputs import wired_inputs
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.chain import actual_chain
@@ -85,7 +86,7 @@ def shelf_part(
     return ShelfPart(wiring)
 
 
-class ShelfPart:
+class ShelfPart(MachinePart):
     """The shelf of one machine, from power-up on."""
 
     def __init__(self, wiring: ShelfWiring) -> None:

@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from steptwin.emulator.operations import SetInput
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.world.wires import InputWire, OutputWire
-from steptwin.features.faults.kinds.machine import SetInput
 from steptwin.features.shelf.moving_shelf import MovingShelf, Point, Sensed, ShelfConfig
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 

@@ -5,14 +5,21 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from steptwin.features.faults.kinds.harm import AxisOperation, Key, KeyKind, keyed
+from steptwin.host.common.errors import InputError
+from steptwin.protocol.drivers import ChipSheet, one_of
 from steptwin.protocol.od import MICROSTEPS_CHOICES
 
 if TYPE_CHECKING:
     from steptwin.emulator.board.board import Board
-    from steptwin.features.faults.kinds.harm import Surroundings
+    from steptwin.emulator.board.surroundings import Surroundings
+    from steptwin.emulator.simulation import Simulation
 
 OSC_MIN_PF: Final = 64
 """Smallest capacitor at OSC, in whole pF, with which the chip's oscillator keeps to its limit."""
+
+
+def _chip(simulation: "Simulation", number: int, axis: int) -> ChipSheet:
+    return simulation.boards[number].drivers.drivers[axis].module.chip
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +30,12 @@ class DriverProtect(AxisOperation):
     does: ClassVar[str] = "the Protect pin of a driver is held low, as by a chip that is too hot, or released"
 
     active: bool = field(metadata=keyed(Key("held", KeyKind.TRUTH)))
+
+    def check(self, simulation: "Simulation", number: int) -> None:
+        """Raise InputError unless the driver's chip has such a pin."""
+        chip = _chip(simulation, number, self.axis)
+        if chip.fault_output is None:
+            raise InputError(f"{chip.name} has no pin that tells of a fault; a TB6560, a DRV8825 and Trinamic's have")
 
     def apply_to(self, board: "Board", _now_counts: int) -> None:
         """Hold the pin, or release it."""
@@ -57,6 +70,16 @@ class DriverMode(AxisOperation):
         if self.microsteps is not None and self.microsteps not in MICROSTEPS_CHOICES:
             raise ValueError(f"microsteps {self.microsteps} is not one of {', '.join(map(str, MICROSTEPS_CHOICES))}")
 
+    def check(self, simulation: "Simulation", number: int) -> None:
+        """Raise InputError unless the driver's chip has the mode."""
+        if self.microsteps is None:
+            return
+        chip = _chip(simulation, number, self.axis)
+        try:
+            one_of(self.microsteps, chip.microsteps, f"{chip.name}'s")
+        except ValueError as error:
+            raise InputError(f"microsteps: {error}") from error
+
     def apply_to(self, board: "Board", _now_counts: int) -> None:
         """Set the mode at the start of the next tick."""
         board.set_driver_mode(self.axis, self.microsteps)
@@ -79,6 +102,12 @@ class OscCapacitor(AxisOperation):
     over: ClassVar[str] = "the part stays as it is"
 
     osc_pf: float = field(metadata=keyed(Key("osc_pf", KeyKind.NUMBER, "PF", OSC_MIN_PF, 1e6, "pF")))
+
+    def check(self, simulation: "Simulation", number: int) -> None:
+        """Raise InputError unless the driver's chip has such a capacitor."""
+        chip = _chip(simulation, number, self.axis)
+        if chip.oscillator is None:
+            raise InputError(f"{chip.name} has no capacitor at OSC; a TB6560 has")
 
     def apply_to(self, board: "Board", _now_counts: int) -> None:
         """Exchange the capacitor at the start of the next tick."""

@@ -10,7 +10,7 @@ from steptwin.protocol.cia402 import SWITCH_INPUTS, DigitalInput
 
 if TYPE_CHECKING:
     from steptwin.emulator.board.board import Board
-    from steptwin.features.faults.kinds.harm import Surroundings
+    from steptwin.emulator.board.surroundings import Surroundings
 
 BOUNCES_MAX: Final = 1000
 WITHIN_US: Final = 5_000

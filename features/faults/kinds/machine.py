@@ -4,19 +4,27 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
-from steptwin.features.faults.kinds.harm import JOINT, AxisOperation, BoardOperation, Key, KeyKind, Operation, keyed
-from steptwin.protocol.cia402 import GENERAL_INPUTS, DigitalInput
+from steptwin.emulator import operations
+from steptwin.emulator.board.surroundings import PER_DEGC, PER_V
+from steptwin.emulator.drivers.excitation import CYCLE_FULL_STEPS
+from steptwin.features.faults.kinds.harm import (
+    JOINT,
+    AxisOperation,
+    BoardOperation,
+    Harm,
+    Key,
+    KeyKind,
+    Operation,
+    keyed,
+)
+from steptwin.host.common.errors import InputError
+from steptwin.protocol.cia402 import DigitalInput
 
 if TYPE_CHECKING:
     from steptwin.emulator.board.board import Board
+    from steptwin.emulator.board.surroundings import Surroundings
     from steptwin.emulator.simulation import Simulation
-    from steptwin.features.faults.kinds.harm import Surroundings
 
-PER_V: Final = 100
-PER_DEGC: Final = 10
-"""The board measures in these parts of a volt and of a degree."""
-CYCLE_FULL_STEPS: Final = 4
-"""Full steps in an electrical cycle: after so many the motor's torque at the same field is the same again."""
 FULL_STEPS_MAX: Final = 100_000
 """Greatest number of full steps by which a motor slips."""
 PAYLOAD_MAX_KG: Final = 100.0
@@ -91,7 +99,7 @@ _INPUT: Final = Key("input", KeyKind.INPUT)
 
 
 @dataclass(frozen=True, slots=True)
-class SetInput(AxisOperation):
+class SetInput(AxisOperation, operations.SetInput):
     """A sensor at one of an axis' general inputs (`GENERAL_INPUTS`) closes or opens; closed is active."""
 
     do: ClassVar[str] = "input"
@@ -102,12 +110,7 @@ class SetInput(AxisOperation):
     on: bool = field(metadata=keyed(Key("on", KeyKind.TRUTH)))
 
     def __post_init__(self) -> None:
-        if self.input not in GENERAL_INPUTS:
-            raise ValueError(f"a general input is one of {', '.join(map(str, GENERAL_INPUTS))}, not {self.input!r}")
-
-    def apply_to(self, board: "Board", _now_counts: int) -> None:
-        """Close or open the sensor."""
-        board.inputs.set_general(self.axis, self.input, on=self.on)
+        operations.SetInput.__post_init__(self)
 
     def undo(self, before: "Surroundings") -> "SetInput":
         """Return the sensor as it was."""
@@ -157,6 +160,10 @@ class Payload(Operation):
 
     payload_kg: float = field(metadata=keyed(Key("payload_kg", KeyKind.NUMBER, "KG", 0, PAYLOAD_MAX_KG, "kg")))
 
+    def check(self, simulation: "Simulation", _number: int) -> None:
+        """Raise InputError unless motors turn with the boards."""
+        check_motors(self, turning=simulation.rotor_watch is not None)
+
     def apply(self, simulation: "Simulation", _number: int) -> None:
         """Load the rotors, if they turn with the boards; else they are where the drivers' steps put them."""
         if simulation.rotor_watch is not None:
@@ -165,6 +172,15 @@ class Payload(Operation):
     def undo(self, before: "Surroundings") -> "Payload":
         """Return the payload as it was."""
         return Payload(before.payload_kg)
+
+
+def check_motors(harm: Harm, *, turning: bool) -> None:
+    """Raise InputError for a harm that only motors feel, unless they turn with the boards."""
+    if isinstance(harm, Payload) and not turning:
+        raise InputError(
+            f"payload_kg: {harm.payload_kg:g} kg: only motors that turn with the board feel it:"
+            " run --motors=loop, serve --motors, or motors=True in a test"
+        )
 
 
 _FOR_MS: Final = Key("for_ms", KeyKind.WHOLE, "MS", least=1, optional=True)
@@ -226,7 +242,7 @@ class WatchdogReset(Operation):
 
 
 @dataclass(frozen=True, slots=True)
-class PowerUp(Operation):
+class PowerUp(Operation, operations.PowerUp):
     """A board that is down, by a brown-out or a reset, starts again; nothing happens to one that runs.
 
     Attributes:
@@ -237,10 +253,6 @@ class PowerUp(Operation):
     does: ClassVar[str] = "a board that is down starts again"
 
     axis: int | None = field(default=None, metadata=keyed(_OF_BOARD))
-
-    def apply(self, simulation: "Simulation", number: int) -> None:
-        """Let the firmware begin, unless the board is to stay down."""
-        simulation.start(number)
 
 
 MACHINE: Final = (

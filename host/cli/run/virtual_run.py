@@ -7,14 +7,13 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
-from steptwin.features.faults.on_purpose import print_faults, telling_of_faults
 from steptwin.features.motors.report import check_motors, keep_motors, motors_of, print_motors, telling_time
 from steptwin.host.cli.app import end_unless
 from steptwin.host.cli.arguments import AnswerOptions, finite_number, machine_for, naming_machine_options, run_folder
 from steptwin.host.cli.options import MACHINE_PANEL, Without, given_options, of_features, option
 from steptwin.host.cli.output import progress_bar, say, say_compiling
 from steptwin.host.cli.run.chosen_motion import ChosenMotion
-from steptwin.host.cli.run.hooks import PreparedRun, RunHook
+from steptwin.host.cli.run.hooks import PreparedRun, RunHook, telling_unbegun, tellings
 from steptwin.host.cli.run.verdict_text import fault_line, print_report
 from steptwin.host.common.choices import LEVELS, MotorsTurn
 from steptwin.host.common.errors import DeviceFaultError, InputError
@@ -75,8 +74,8 @@ def run_virtual(answer: AnswerOptions, motion: ChosenMotion, prepared: PreparedR
     """Run a motion, tell what it did, and keep it where that is asked for.
 
     Raises:
-        DeviceFaultError: a fault has ended a run without a scenario.
-        Exit: the run is not verified, the scenario has failed, or a motor has lost its step.
+        DeviceFaultError: a fault has ended a run of which no feature has a verdict.
+        Exit: the run is not verified, a feature's verdict is that it failed, or a motor has lost its step.
     """
     from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY
     from steptwin.host.record.folder.writing import can_draw, draw_here, drawing_apart
@@ -114,7 +113,7 @@ def _executed(
         telling_of_compiling(say_compiling, wanted=compiled and options.kernel in ("auto", "numba")),
         progress_bar(f"{robot.name} {motion.job}") as progress,
         naming_machine_options(cut_stream_s="--cut-stream"),
-        telling_of_faults(answer),
+        telling_unbegun(answer),
     ):
         outcome = execute(
             motion.plan,
@@ -161,10 +160,11 @@ class FinishedRun:
         return document if self.motors is None else document | {"motors": self.motors.verdict.to_dict()}
 
     def print(self) -> None:
-        """Print the report, what became of faults, and what the motors did."""
+        """Print the report, what features say of the run, and what the motors did."""
         document = self.outcome.to_dict()
         print_report(document)
-        print_faults(document)
+        for each in tellings():
+            each.print_run(document)
         if self.motors is not None:
             print_motors(self.motors.verdict)
         say_what_is_faster(document["wall_s"])
@@ -181,19 +181,15 @@ def say_what_is_faster(wall_s: float) -> None:
 
 
 def _raise_unless_right(outcome: "Outcome") -> None:
-    """End the command unless the run is right: with a scenario, if it went as documented, even if the motion did not.
+    """End the command unless the run is right; where features have a verdict, by this, even if the motion has ended.
 
     Raises:
-        DeviceFaultError: a fault has ended a run without a scenario.
-        Exit: the run is not verified, the scenario has failed, or a motor has lost its step.
+        DeviceFaultError: a fault has ended a run of which no feature has a verdict.
+        Exit: the run is not verified, a feature's verdict is that it failed, or a motor has lost its step.
     """
-    if outcome.scenario is not None:
-        right = outcome.scenario.passed
-    elif outcome.fault:
+    if outcome.fault and not outcome.verdicts:
         raise DeviceFaultError(fault_line(outcome.fault.to_dict()))
-    else:
-        right = outcome.report.passed
-    end_unless(right and not outcome.slips)
+    end_unless(outcome.right and not outcome.slips)
 
 
 def _input_change(text: str) -> "InputChange":

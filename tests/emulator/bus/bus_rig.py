@@ -15,7 +15,7 @@ class BusRig:
     def __init__(self, bitrate: int = 1_000_000, stations: int = 2, faults: Iterable[BusFault] = ()) -> None:
         self.bus = Bus(bitrate)
         for fault in faults:
-            self.bus.faults.begin(fault)
+            self.bus.filters.begin(fault)
         self.heard: list[list[tuple[int, Frame]]] = [[] for _ in range(stations)]
         self.errors: list[tuple[int, int, ErrorCode, bool]] = []
         """Reported errors as (counts, station, code, active)."""

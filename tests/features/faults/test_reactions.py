@@ -16,11 +16,12 @@ from steptwin.features.faults.kinds.machine import BrownOut, EmergencyStop, Powe
 from steptwin.features.faults.on_purpose import print_faults
 from steptwin.features.faults.reaction import GOES_ON, Motion, Reaction
 from steptwin.features.faults.reactions import DOCUMENTED, concerned
-from steptwin.features.faults.report import FaultReport, NotBegunError, ScenarioReport
+from steptwin.features.faults.report import FaultReport, ScenarioReport
 from steptwin.features.faults.scenario import Scenario
 from steptwin.host.cli.app import run
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.twin.embedded.execution import execute
+from steptwin.host.twin.embedded.outcome import NotBegunError
 from steptwin.protocol.cia402 import ErrorCode, State
 from tests.features.faults.short_runs import ROBOT, carry, played, scenario
 from tests.messages import refusing

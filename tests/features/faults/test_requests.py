@@ -10,6 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.drivers.axis_wires import Noise, Wire, WireState
 from steptwin.features.faults.kinds import HARMS as FAMILIES
 from steptwin.features.faults.kinds.bus import (
     Babble,
@@ -36,7 +37,7 @@ from steptwin.features.faults.kinds.machine import (
     Supply,
     WatchdogReset,
 )
-from steptwin.features.faults.kinds.wiring import Noise, SetWire, Wire, WireState
+from steptwin.features.faults.kinds.wiring import SetWire
 from steptwin.features.faults.requests import FRAMES as FRAME_NAMES
 from steptwin.features.faults.requests import (
     INJECTED,

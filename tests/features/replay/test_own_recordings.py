@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.faults.kinds import Scheduled
+from steptwin.emulator.operations import Scheduled
 from steptwin.features.faults.kinds.bus import BusOff, HostBitRate, StrangerSends
 from steptwin.features.faults.kinds.machine import EmergencyStop, SetInput, WatchdogReset
 from steptwin.features.faults.scenario import Fault, Scenario

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.faults.kinds import Scheduled
+from steptwin.emulator.operations import Scheduled
 from steptwin.features.faults.kinds.machine import EmergencyStop
 from steptwin.host.client import HomingSettings, Machine
 from steptwin.host.common.errors import BusError, DeviceFaultError

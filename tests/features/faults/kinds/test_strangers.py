@@ -6,8 +6,8 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.bus.can_timing import frame_bits
+from steptwin.emulator.operations import Scheduled
 from steptwin.emulator.simulation import BusOverloadError, Simulation
-from steptwin.features.faults.kinds import Scheduled
 from steptwin.features.faults.kinds.bus import Babble, BusOff, StrangerSends
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import AbortConnection, ErrorCode, State

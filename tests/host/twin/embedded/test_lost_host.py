@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from steptwin.features.faults.engine import Emergency
-from steptwin.host.twin.embedded.execution import outlive
+from steptwin.features.faults.lost_host import outlive
 from steptwin.protocol.cia402 import ErrorCode
 
 

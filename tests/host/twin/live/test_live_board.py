@@ -8,8 +8,9 @@ import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board
+from steptwin.emulator.drivers.axis_wires import Wire, WireState
 from steptwin.features.faults.kinds.drivers import OscCapacitor
-from steptwin.features.faults.kinds.wiring import SetWire, Wire, WireState
+from steptwin.features.faults.kinds.wiring import SetWire
 from steptwin.host.cli.app import run
 from steptwin.host.record.folder import read_edges, read_report
 from steptwin.host.twin.live.live_board import RECORD_EVERY_S
