@@ -83,7 +83,7 @@ class Bus:
         """True while a frame is on the wire, or a station has one to send now or after its bus-off."""
         self.filters: FiltersInForce = FiltersInForce()
         """What may hold back, disturb, double or lose frames."""
-        self._waiting: list[tuple[Frame, type[FrameFilter]]] = []
+        self._waiting: list[tuple[Frame, type[FrameFilter] | None]] = []
         """Frames that still wait, with the filters that strike a frame only once and have struck it."""
         self._stations: list[CanController] = []
         self._off: list[CanController] = []
@@ -101,8 +101,8 @@ class Bus:
         self._outdone: list[CanController] = []
         """Stations that began to send a different frame with the same identifier."""
         self._missed_by: list[CanController] = []
-        self._struck_by: type[FrameFilter] = FrameFilter
-        """The class of the filter that has struck last."""
+        self._struck_by: type[FrameFilter] | None = None
+        """The class of the filter that has struck last; None before the first strike."""
         self._free_counts = 0
         self._idle_since_counts = 0
         """Instant up to which recessive bits are counted for the stations in bus-off."""

@@ -110,7 +110,9 @@ class FiltersInForce:
         """Draw from another seed from now on."""
         self._random = Random(seed)
 
-    def strike(self, frame: Frame, now_counts: int, had: Container[type[FrameFilter]] = ()) -> FrameFilter | None:
+    def strike(
+        self, frame: Frame, now_counts: int, had: Container[type[FrameFilter] | None] = ()
+    ) -> FrameFilter | None:
         """Return the filter that strikes an attempt to send, or None: none of the classes that the frame has had."""
         for each in self.in_force:
             if type(each.filter) not in had and frame.cob_id in each.filter.cob_ids and self._chosen(each):

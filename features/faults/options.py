@@ -50,7 +50,7 @@ class FaultOptions:
         from steptwin.features.faults.kinds.harm import Harm
         from steptwin.features.faults.scenario import Scenario, read_scenario
 
-        given = self.scenario
+        given: object = self.scenario
         if given is None or isinstance(given, Scenario):
             return given
         if isinstance(given, Path | str):

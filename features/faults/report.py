@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
+from steptwin.features.faults import NAME
 from steptwin.features.faults.reaction import Reaction
 from steptwin.host.client.words import state_text
 from steptwin.protocol.cia402 import State
@@ -155,3 +156,9 @@ class ScenarioReport:
 
 def _rounded(value: float | None) -> float | None:
     return None if value is None else round(value, 6)
+
+
+def report_in(verdicts: Mapping[str, object]) -> ScenarioReport | None:
+    """Return the report of a scenario among the verdicts of a run; None without one."""
+    found = verdicts.get(NAME)
+    return found if isinstance(found, ScenarioReport) else None

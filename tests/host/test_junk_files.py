@@ -11,7 +11,8 @@ import pytest
 
 from steptwin.features.campaigns.campaign import Sources
 from steptwin.features.campaigns.reader import parse_campaign
-from steptwin.host.cli.run.check import check_program, check_scenario
+from steptwin.features.faults.check import check_scenario
+from steptwin.host.cli.run.check import check_program
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.robots import brought_text, read_robot
@@ -28,11 +29,11 @@ def _campaign(text: str) -> None:
 
 
 def _scenario(text: str) -> None:
-    check_scenario(text, "teaching-scara", Findings())
+    check_scenario("", text, "teaching-scara", Findings())
 
 
 def _program(text: str) -> None:
-    check_program(DOCS / "programs", text, None, Findings())
+    check_program(str(DOCS / "programs" / "own.toml"), text, None, Findings())
 
 
 def _evening() -> str:

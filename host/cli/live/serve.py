@@ -141,9 +141,9 @@ def serve(
             program.end()
     if failure:
         raise failure
-    failures = [failure for each in tellings() if (failure := each.served_failure(document))]
-    say(*failures, err=True)
-    end_unless(not failures)
+    missed = [why for each in tellings() if (why := each.served_failure(document))]
+    say(*missed, err=True)
+    end_unless(not missed)
     program.pass_on()
 
 

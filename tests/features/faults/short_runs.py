@@ -5,7 +5,8 @@ from functools import cache
 from typing import Final
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.faults.report import ScenarioReport
+from steptwin.features.faults.options import FaultOptions
+from steptwin.features.faults.report import ScenarioReport, report_in
 from steptwin.features.faults.scenario import Scenario, parse_scenario
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.jobs import make_job
@@ -50,10 +51,11 @@ def played(
         carry(drivers),
         "carry",
         kernel,
-        scenario=scenario(text),
+        extras=[FaultOptions(scenario=scenario(text))],
         motors=motors,
         axes_per_board=boards,
         crystal_ppm=crystals,
     )
-    assert outcome.scenario is not None
-    return outcome, outcome.scenario
+    report = report_in(outcome.verdicts)
+    assert report is not None
+    return outcome, report

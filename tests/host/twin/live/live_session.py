@@ -1,9 +1,9 @@
 """A live board whose time the test advances, and the frames that move its axes."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.faults.scenario import Scenario
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.live.live_board import LiveBoard
 from steptwin.host.twin.machine.machine_options import MachineOptions
@@ -56,8 +56,8 @@ class LiveSession:
         axes_per_board: tuple[int, ...] | None = None,
         crystals_ppm: tuple[int, ...] = (),
         drivers: str | None = None,
-        scenario: Scenario | None = None,
         *,
+        extras: Sequence[object] = (),
         motors: bool = False,
         stride_ms: int = 1,
         pieces: int = 0,
@@ -73,7 +73,7 @@ class LiveSession:
                 crystal_ppm=crystals_ppm,
                 driver_profile=drivers,
                 motors=motors,
-                scenario=scenario,
+                extras=extras,
             ),
             out=out,
             log=log,
