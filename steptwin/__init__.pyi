@@ -36,6 +36,7 @@ from steptwin.features.faults.kinds.machine import Slip as Slip
 from steptwin.features.faults.kinds.machine import Supply as Supply
 from steptwin.features.faults.kinds.machine import WatchdogReset as WatchdogReset
 from steptwin.features.faults.kinds.wiring import SetWire as SetWire
+from steptwin.features.faults.options import FaultOptions as FaultOptions
 from steptwin.features.faults.reaction import Motion as Motion
 from steptwin.features.faults.reaction import Reaction as Reaction
 from steptwin.features.faults.scenario import Fault as Fault

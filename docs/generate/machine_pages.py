@@ -33,8 +33,7 @@ motors. `execute`, `ServedBoard`, `BoardUnderTest` and `ServedBoardUnderTest` ha
 _REMARKS: Final = """\
 `run` has no `--bitrate`: its option of that name is for a live board. Its `--motors` lets the motors turn after
 the run, by its record, and `--motors=loop` as it goes. In Python `stand_at` may also list all joints,
-`crystal_ppm` may be one number for all boards, and `scenario` a `Scenario` or a list of harms from power-up on;
-a scenario of a served board may not harm the host, and motors that turn in real time need numba.
+`crystal_ppm` may be one number for all boards. Motors that turn in real time need numba.
 
 The options of a feature are an object of a class of its own, in the list `extras`:
 `extras=[ShelfOptions(stock={"A1": "screws"})]`."""

@@ -10,7 +10,7 @@ from steptwin.host.common.errors import InputError
 if TYPE_CHECKING:
     from steptwin.emulator.simulation import Simulation
 
-NO_HOST: Final = "'host' is for scenarios of runs in virtual time; hosts of a live board are programs of their own"
+NO_HOST: Final = "'host' is for runs in virtual time; hosts of a live board are programs of their own"
 BY_MAX_S: Final = 86_400.0
 """Longest time of a fault: a day."""
 

@@ -78,8 +78,8 @@ class EmbeddedBoard:
 
     def connect_host(self) -> None:
         """Connect a host, in place of the one before: `network` is its network."""
-        of_parts = (network for part in self.parts.values() if (network := part.network()) is not None)
-        self.network: EmbeddedNetwork = next(of_parts, None) or EmbeddedNetwork(self._machine.simulation)
+        of_parts = [network for part in self.parts.values() if (network := part.network()) is not None]
+        self.network: EmbeddedNetwork = of_parts[0] if of_parts else EmbeddedNetwork(self._machine.simulation)
 
     @property
     def moving(self) -> bool:
