@@ -14,7 +14,8 @@ from docs.generate.tables import ROBOTS
 from steptwin.features.faults.judge import longest_ramp_ms
 from steptwin.features.faults.reaction import Motion, Reaction
 from steptwin.features.faults.reactions import DOCUMENTED
-from steptwin.features.faults.requests import INJECTED, REQUESTS, STATE, does, keys_of, says, usage
+from steptwin.features.faults.requests import INJECTED, REQUESTS, does, keys_of, says, usage
+from steptwin.host.common.choices import STATE
 from steptwin.host.common.features import giving
 from steptwin.host.robots import load_robot
 from steptwin.host.studies.papers.paper_page import table

@@ -17,7 +17,7 @@ from steptwin.features.faults.kinds.host import HostFault
 from steptwin.features.faults.kinds.machine import SetInput
 from steptwin.host.common import numbers
 from steptwin.host.common.bad_input import prefixed, unknown
-from steptwin.host.common.choices import LEVELS, SWITCHES
+from steptwin.host.common.choices import LEVELS, STATE, SWITCHES
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Reading, Table
 from steptwin.protocol.cia402 import DigitalInput
@@ -102,8 +102,6 @@ def checked_identifier(key: str, value: object) -> int:
 
 DATA_BYTES_MAX: Final = 8
 """Longest data of a frame."""
-STATE: Final = "state"
-"""The request that does nothing: it asks how the machine is."""
 REQUESTS: Final[Mapping[str, type[Harm] | None]] = {**{harm.do: harm for harm in HARMS}, STATE: None}
 """What each request does, in the order of help and docs."""
 INJECTED: Final = tuple(do for do in REQUESTS if do != HostFault.do)

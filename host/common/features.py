@@ -44,8 +44,9 @@ class RobotSection(Protocol):
 class MachinePart:
     """A feature's part of one emulated machine, from power-up on; it overrides what concerns it.
 
-    `EmulatedMachine` calls `join` and `switched_on`, a board in virtual time `network` and `outlive`, one in real time
-    `check_live` and `end_round`.
+    `EmulatedMachine` calls `join` and `switched_on`; `EmbeddedBoard`, which is in virtual time, and its runs `network`,
+    `outlive` and `verdict`; `LiveBoard`, which is in real time, `check_live` and `end_round`. The feature's judge is
+    given `evidence`, in a live report `seen`; reports without a judgement have `document` and `in_words`.
     """
 
     def join(self, simulation: "Simulation") -> "Participant | None":

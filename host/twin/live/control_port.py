@@ -15,6 +15,7 @@ from steptwin.features.nodes.node_objects import NodeValue, ValueForm
 from steptwin.features.nodes.simple_node import SimpleNode
 from steptwin.host.common import listening as socketcand
 from steptwin.host.common.bad_input import prefixed, printable, unknown
+from steptwin.host.common.choices import STATE
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import ControlRequests, giving
 from steptwin.host.common.listening import listen
@@ -29,8 +30,6 @@ if TYPE_CHECKING:
 
 
 _PROTECT = int(DigitalInput.DRIVER_PROTECT | DigitalInput.DRIVER_FAULT)
-STATE: Final = "state"
-"""The request that does nothing: it asks how the machine is."""
 _VALUE, _EMERGENCY, _POWER = "node", "node-emergency", "node-power"
 NODE_REQUESTS: Final[Mapping[str, tuple[str, ...]]] = {
     _VALUE: ("object", "value"),

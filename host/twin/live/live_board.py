@@ -365,11 +365,7 @@ class LiveBoard:
                 **speeds_document(speeds),
                 **self.features(),
                 **({} if self.rotors is None else {"motors": self.rotors.to_dict()}),
-                **{
-                    key: value
-                    for part in self._machine.parts.features.values()
-                    for key, value in part.document().items()
-                },
+                **self._machine.parts_document(),
             },
         )
 

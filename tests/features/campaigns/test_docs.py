@@ -20,8 +20,8 @@ from steptwin.features.faults.kinds.harm import Harm
 from steptwin.features.faults.kinds.host import HostFault, HostFaultKind
 from steptwin.features.faults.moment import AxisMoment, Moment
 from steptwin.features.faults.reactions import DOCUMENTED, documented
-from steptwin.features.faults.requests import REQUESTS, STATE, read_request
-from steptwin.host.common.choices import MotorsTurn
+from steptwin.features.faults.requests import REQUESTS, read_request
+from steptwin.host.common.choices import STATE, MotorsTurn
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.cia402 import DigitalInput, State

@@ -42,7 +42,6 @@ from steptwin.features.faults.requests import FRAMES as FRAME_NAMES
 from steptwin.features.faults.requests import (
     INJECTED,
     REQUESTS,
-    STATE,
     cob_ids,
     keys_of,
     metavar,
@@ -50,7 +49,7 @@ from steptwin.features.faults.requests import (
     request_of,
     request_of_words,
 )
-from steptwin.host.common.choices import Stuck
+from steptwin.host.common.choices import STATE, Stuck
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.board_settings import Input
