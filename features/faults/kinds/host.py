@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from steptwin.emulator.simulation import Simulation
 
 NO_HOST: Final = "'host' is for runs in virtual time; hosts of a live board are programs of their own"
+_NOT_ASKED: Final = "'host' is for scenarios of runs in virtual time; hosts of a live board are programs of their own"
 BY_MAX_S: Final = 86_400.0
 """Longest time of a fault: a day."""
 
@@ -70,7 +71,7 @@ class HostFault(Harm):
 
     def apply(self, _simulation: "Simulation", _number: int) -> None:
         """Raise InputError: only the engine of a scenario knows the host."""
-        raise InputError(f"do: {NO_HOST}")
+        raise InputError(f"do: {_NOT_ASKED}")
 
     def why_endless(self) -> str | None:
         """Return why a scenario cannot end it; None if it can."""
