@@ -63,7 +63,7 @@ class AxisOperation(BoardOperation):
 
 
 @dataclass(frozen=True, slots=True)
-class SetInput(AxisOperation):
+class InputOperation(AxisOperation):
     """A sensor at one of an axis' general inputs (`GENERAL_INPUTS`) closes or opens; closed is active."""
 
     input: DigitalInput
@@ -79,7 +79,7 @@ class SetInput(AxisOperation):
 
 
 @dataclass(frozen=True, slots=True)
-class PowerUp(Operation):
+class BoardStart(Operation):
     """A board that is down starts again, unless it is to stay so; nothing happens to one that runs."""
 
     def apply(self, simulation: "Simulation", number: int) -> None:

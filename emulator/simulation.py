@@ -12,7 +12,7 @@ from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.emulator.board.board import Board
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.bus.can_controller import CanController, unheard
-from steptwin.emulator.operations import Consequence, Operation, PowerUp, Schedule, Scheduled
+from steptwin.emulator.operations import BoardStart, Consequence, Operation, Schedule, Scheduled
 from steptwin.features.motors.rotors.rotor_watch import MotorWiring, RotorWatch
 from steptwin.features.nodes.simple_node import SimpleNode
 from steptwin.protocol.frame import Frame
@@ -167,7 +167,7 @@ class Simulation:
         until_counts = self.now_counts + (for_ms or 0) * COUNTS_PER_MS
         self._down_until_counts[number] = max(until_counts, self._down_until_counts.get(number, 0))
         if for_ms is not None:
-            self.schedule([Consequence(until_counts, PowerUp(), number)])
+            self.schedule([Consequence(until_counts, BoardStart(), number)])
 
     @property
     def stranger(self) -> CanController:

@@ -7,7 +7,7 @@ from typing import Final
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.emulator.bus.frame_filter import Strike
 from steptwin.features.faults.kinds.bus import BusFault
-from steptwin.features.faults.kinds.harm import Harm, Operation
+from steptwin.features.faults.kinds.harm import Harm, MachineHarm
 from steptwin.features.faults.kinds.host import HostFault, HostFaultKind
 from steptwin.features.faults.kinds.machine import BrownOut, WatchdogReset
 from steptwin.features.faults.moment import Moment, moment_of
@@ -141,8 +141,8 @@ class _Changed:
         by: the operations that have changed it and last, in order of time.
     """
 
-    undo: Operation
-    by: list[Operation] = field(default_factory=list)
+    undo: MachineHarm
+    by: list[MachineHarm] = field(default_factory=list)
 
 
 class Engine:
@@ -281,11 +281,11 @@ class Engine:
             each.strikes, each.first_counts = 1, now_counts
         if isinstance(harm, HostFault):
             return
-        if not isinstance(harm, Operation):
+        if not isinstance(harm, MachineHarm):
             harm.apply(self.target.simulation, 0)
             return
         undo = harm.undo(self.target.surroundings)
-        if isinstance(undo, Operation):
+        if isinstance(undo, MachineHarm):
             self._lasting.setdefault(_place_of(harm), _Changed(undo)).by.append(harm)
         self.target.operate(harm)
 
@@ -311,10 +311,10 @@ class Engine:
             self.target.simulation.bus.end_filter(harm, self.target.simulation.now_counts)
         elif isinstance(harm, HostFault):
             self._host.end(harm)
-        elif isinstance(harm, Operation):
+        elif isinstance(harm, MachineHarm):
             self._end_change(harm)
 
-    def _end_change(self, harm: Operation) -> None:
+    def _end_change(self, harm: MachineHarm) -> None:
         """Undo an operation, unless a later one has replaced it; one that it has replaced and that lasts comes back."""
         changed = self._lasting.get(_place_of(harm))
         if changed is None or all(each is not harm for each in changed.by):
@@ -327,7 +327,7 @@ class Engine:
             self.target.operate(changed.by[-1] if changed.by else changed.undo)
 
 
-def _place_of(operation: Operation) -> tuple[object, ...]:
+def _place_of(operation: MachineHarm) -> tuple[object, ...]:
     """Return what an operation changes: those of one place replace each other, as two voltages of one supply."""
     return (type(operation), *(getattr(operation, name, None) for name in ("axis", "input", "switch", "wire", "frame")))
 

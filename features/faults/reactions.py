@@ -25,7 +25,7 @@ from steptwin.features.faults.kinds.bus import (
     StrangerSends,
 )
 from steptwin.features.faults.kinds.drivers import DriverMode, DriverProtect, OscCapacitor, ShortCircuit
-from steptwin.features.faults.kinds.harm import AxisOperation, Harm, Operation
+from steptwin.features.faults.kinds.harm import AxisHarm, Harm, MachineHarm
 from steptwin.features.faults.kinds.host import HostFault, HostFaultKind
 from steptwin.features.faults.kinds.limit_switches import BouncingSwitch, Contact, StuckSwitch, SwitchWire
 from steptwin.features.faults.kinds.machine import (
@@ -475,8 +475,8 @@ def concerned(harm: Harm, boards: Sequence[int]) -> list[int]:
     What is done to a board concerns all axes on it.
     """
     axes = range(len(boards))
-    if isinstance(harm, AxisOperation):
+    if isinstance(harm, AxisHarm):
         return [harm.axis]
-    if isinstance(harm, Operation) and harm.place is not None:
+    if isinstance(harm, MachineHarm) and harm.place is not None:
         return [each for each in axes if boards[each] == boards[harm.place]]
     return list(axes)

@@ -9,9 +9,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from steptwin.emulator.bus.frame_filter import StrikeEffect
-from steptwin.emulator.operations import Consequence
-from steptwin.emulator.operations import Operation as AnyOperation
-from steptwin.features.faults.kinds.harm import JOINT, Harm, Key, KeyKind, Operation, keyed
+from steptwin.emulator.operations import Consequence, Operation
+from steptwin.features.faults.kinds.harm import JOINT, Harm, Key, KeyKind, MachineHarm, keyed
 from steptwin.host.common.errors import InputError
 from steptwin.protocol.frame import BITRATES, COB_ID_MASK, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND, COUNTS_PER_US
@@ -169,7 +168,7 @@ class BusRepair(Harm):
 
 
 @dataclass(frozen=True, slots=True)
-class BusOff(Operation):
+class BusOff(MachineHarm):
     """A CAN controller leaves the bus, as after too many errors, and returns after the recessive bits that it needs.
 
     Attributes:
@@ -189,7 +188,7 @@ class BusOff(Operation):
 
 
 @dataclass(frozen=True, slots=True)
-class HostBitRate(Operation):
+class HostBitRate(MachineHarm):
     """The host's adapter is opened with another bit rate: the boards that have none of it take its frames for errors.
 
     Attributes:
@@ -220,7 +219,7 @@ _FRAME: Final = keyed(Key("id", KeyKind.IDENTIFIER), Key("data", KeyKind.BYTES),
 
 
 @dataclass(frozen=True, slots=True)
-class StrangerSends(Operation):
+class StrangerSends(MachineHarm):
     """A station that is no part of the machine, such as a second master, sends a frame."""
 
     do: ClassVar[str] = "stranger"
@@ -243,7 +242,7 @@ _BABBLE_AHEAD: Final = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Babble(Operation):
+class Babble(MachineHarm):
     """The stranger sends a frame again and again, also before the one before it has found its way.
 
     Attributes:
@@ -281,7 +280,7 @@ class Babble(Operation):
         return f"{values['period_us'] * values['count'] / 1e6:g} s or `{BusRepair.do}`" if values["count"] else None
 
 
-def _babbles(operation: AnyOperation, frame: Frame | None = None) -> bool:
+def _babbles(operation: Operation, frame: Frame | None = None) -> bool:
     """Return whether an operation is a babble of this frame; None: of any."""
     return isinstance(operation, Babble) and frame in (None, operation.frame)
 

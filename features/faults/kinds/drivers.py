@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
-from steptwin.features.faults.kinds.harm import AxisOperation, Key, KeyKind, keyed
+from steptwin.features.faults.kinds.harm import AxisHarm, Key, KeyKind, keyed
 from steptwin.host.common.errors import InputError
 from steptwin.protocol.drivers import ChipSheet, one_of
 from steptwin.protocol.od import MICROSTEPS_CHOICES
@@ -23,7 +23,7 @@ def _chip(simulation: "Simulation", number: int, axis: int) -> ChipSheet:
 
 
 @dataclass(frozen=True, slots=True)
-class DriverProtect(AxisOperation):
+class DriverProtect(AxisHarm):
     """A driver's Protect pin is held low from outside, as a chip in thermal shutdown does itself, or released."""
 
     do: ClassVar[str] = "protect"
@@ -47,7 +47,7 @@ class DriverProtect(AxisOperation):
 
 
 @dataclass(frozen=True, slots=True)
-class DriverMode(AxisOperation):
+class DriverMode(AxisHarm):
     """A driver gets another microstep mode, by its switches or by the chip's pins M1 and M2.
 
     Attributes:
@@ -90,7 +90,7 @@ class DriverMode(AxisOperation):
 
 
 @dataclass(frozen=True, slots=True)
-class OscCapacitor(AxisOperation):
+class OscCapacitor(AxisHarm):
     """The capacitor at a driver chip's OSC pin has another value, as one that has aged or is the wrong one.
 
     It sets the chopping rate and the shortest pulse that counts.
@@ -116,7 +116,7 @@ class OscCapacitor(AxisOperation):
 
 
 @dataclass(frozen=True, slots=True)
-class ShortCircuit(AxisOperation):
+class ShortCircuit(AxisHarm):
     """A motor is short-circuited, from one phase to the other or to ground, or whole again.
 
     A driver with a protection switches itself off as soon as current flows, until what its source says; another one is

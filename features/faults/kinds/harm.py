@@ -161,12 +161,12 @@ def _outside(key: Key) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Operation(Harm):
+class MachineHarm(Harm):
     """A harm to the boards of a simulation, or to their bus, that is over as soon as it is done."""
 
 
 @dataclass(frozen=True, slots=True)
-class BoardOperation(Operation, operations.BoardOperation):
+class BoardHarm(MachineHarm, operations.BoardOperation):
     """A harm to the machine of one board."""
 
 
@@ -174,7 +174,7 @@ JOINT: Final = Key("joint", KeyKind.JOINT)
 
 
 @dataclass(frozen=True, slots=True)
-class AxisOperation(BoardOperation, operations.AxisOperation):
+class AxisHarm(BoardHarm, operations.AxisOperation):
     """A harm at the connector of one axis."""
 
     axis: int = field(metadata=keyed(JOINT))

@@ -9,12 +9,12 @@ from steptwin.emulator.board.surroundings import PER_DEGC, PER_V
 from steptwin.emulator.drivers.excitation import CYCLE_FULL_STEPS
 from steptwin.features.faults.kinds.harm import (
     JOINT,
-    AxisOperation,
-    BoardOperation,
+    AxisHarm,
+    BoardHarm,
     Harm,
     Key,
     KeyKind,
-    Operation,
+    MachineHarm,
     keyed,
 )
 from steptwin.host.common.errors import InputError
@@ -36,7 +36,7 @@ _OF_BOARD: Final = replace(JOINT, optional=True)
 
 
 @dataclass(frozen=True, slots=True)
-class EmergencyStop(BoardOperation):
+class EmergencyStop(BoardHarm):
     """The emergency stop button is pressed or pulled out; all axes of the board see it."""
 
     do: ClassVar[str] = "estop"
@@ -54,7 +54,7 @@ class EmergencyStop(BoardOperation):
 
 
 @dataclass(frozen=True, slots=True)
-class Supply(BoardOperation):
+class Supply(BoardHarm):
     """The motor supply gets this voltage, in 10 mV: any that the board can measure, as its object 0x2002:02 has it."""
 
     do: ClassVar[str] = "supply"
@@ -74,7 +74,7 @@ class Supply(BoardOperation):
 
 
 @dataclass(frozen=True, slots=True)
-class BoardTemperature(BoardOperation):
+class BoardTemperature(BoardHarm):
     """The board gets this temperature, in 0.1 degC: any that it can measure, as its object 0x2002:01 has it."""
 
     do: ClassVar[str] = "temperature"
@@ -99,7 +99,7 @@ _INPUT: Final = Key("input", KeyKind.INPUT)
 
 
 @dataclass(frozen=True, slots=True)
-class SetInput(AxisOperation, operations.SetInput):
+class SetInput(AxisHarm, operations.InputOperation):
     """A sensor at one of an axis' general inputs (`GENERAL_INPUTS`) closes or opens; closed is active."""
 
     do: ClassVar[str] = "input"
@@ -110,7 +110,7 @@ class SetInput(AxisOperation, operations.SetInput):
     on: bool = field(metadata=keyed(Key("on", KeyKind.TRUTH)))
 
     def __post_init__(self) -> None:
-        operations.SetInput.__post_init__(self)
+        operations.InputOperation.__post_init__(self)
 
     def undo(self, before: "Surroundings") -> "SetInput":
         """Return the sensor as it was."""
@@ -118,7 +118,7 @@ class SetInput(AxisOperation, operations.SetInput):
 
 
 @dataclass(frozen=True, slots=True)
-class Slip(AxisOperation):
+class Slip(AxisHarm):
     """A motor falls out of step: its rotor jumps by full steps that no driver has made, as an overload makes it.
 
     The rotor locks again where the field has the same angle: so it slips by whole electrical cycles of 4 full steps.
@@ -144,7 +144,7 @@ class Slip(AxisOperation):
 
 
 @dataclass(frozen=True, slots=True)
-class Payload(Operation):
+class Payload(MachineHarm):
     """The payload has another mass, from the next ms on: it hangs at the tool when the one before it would.
 
     Only motors that turn with the boards feel it.
@@ -187,7 +187,7 @@ _FOR_MS: Final = Key("for_ms", KeyKind.WHOLE, "MS", least=1, optional=True)
 
 
 @dataclass(frozen=True, slots=True)
-class BrownOut(Operation):
+class BrownOut(MachineHarm):
     """The logic's supply of a board breaks down: processor and drivers lose all that is not in flash.
 
     Attributes:
@@ -216,7 +216,7 @@ class BrownOut(Operation):
 
 
 @dataclass(frozen=True, slots=True)
-class WatchdogReset(Operation):
+class WatchdogReset(MachineHarm):
     """The watchdog resets a board's processor, while the drivers keep their supply.
 
     The processor's pins float: STEP, DIR and the chip's inputs fall by their pull-downs, RESET among them; ENABLE has
@@ -242,7 +242,7 @@ class WatchdogReset(Operation):
 
 
 @dataclass(frozen=True, slots=True)
-class PowerUp(Operation, operations.PowerUp):
+class PowerUp(MachineHarm, operations.BoardStart):
     """A board that is down, by a brown-out or a reset, starts again; nothing happens to one that runs.
 
     Attributes:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from steptwin.emulator.drivers.axis_wires import NOISE_RATE_MAX_HZ, Condition, Noise, Wire, WireState
-from steptwin.features.faults.kinds.harm import AxisOperation, Key, KeyKind, keyed
+from steptwin.features.faults.kinds.harm import AxisHarm, Key, KeyKind, keyed
 
 if TYPE_CHECKING:
     from steptwin.emulator.board.board import Board
@@ -44,7 +44,7 @@ def _values(condition: Condition) -> tuple[object, ...]:
 
 
 @dataclass(frozen=True, slots=True)
-class SetWire(AxisOperation):
+class SetWire(AxisHarm):
     """A wire from the board to an axis' driver breaks, is shorted, becomes noisy, or is whole again."""
 
     do: ClassVar[str] = "wire"

@@ -6,7 +6,7 @@ from math import floor
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.drivers.excitation import CYCLE_FULL_STEPS
-from steptwin.emulator.operations import Operation, Scheduled, SetInput
+from steptwin.emulator.operations import InputOperation, Operation, Scheduled
 from steptwin.features.motors.rotors.rotors import RotorRecord
 from steptwin.features.motors.turning.after_run import RotorTrace, rotor_trace
 from steptwin.features.motors.turning.driving import followed_ms, last_edge_counts
@@ -138,7 +138,7 @@ class EmbeddedBoard:
         self._changes = [change for change in changes if change.at_s > 0]
         self._changes_after = len(self._machine.bus.log_frames)
 
-    def _input_operation(self, change: InputChange) -> SetInput:
+    def _input_operation(self, change: InputChange) -> InputOperation:
         return set_input(self.robot, change.name, on=change.on)
 
     def _last_sync_counts(self, after: int = 0) -> int | None:

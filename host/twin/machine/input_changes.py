@@ -5,7 +5,7 @@ from dataclasses import asdict
 from typing import Any, NamedTuple, cast
 
 from steptwin.controller.node.pins import Pin
-from steptwin.emulator.operations import Operation, SetInput
+from steptwin.emulator.operations import InputOperation, Operation
 from steptwin.emulator.world.wires import InputWire, OutputWire
 from steptwin.host.common.features import giving
 from steptwin.host.operate.inputs_outputs import wired_input, wired_inputs
@@ -40,14 +40,14 @@ class InputChange(NamedTuple):
     at_s: float
 
 
-def set_input(robot: Robot, name: str, *, on: bool) -> SetInput:
+def set_input(robot: Robot, name: str, *, on: bool) -> InputOperation:
     """Return the operation that sets a robot's input on its one board; raise InputError for an unknown name."""
-    return SetInput(*wired_input(robot, name), on)
+    return InputOperation(*wired_input(robot, name), on)
 
 
 def request_of(robot: Robot, operation: Operation) -> dict[str, Any]:
     """Return an operation as the request of the control port that asks for it; by its fields if there is none."""
-    if isinstance(operation, SetInput):
+    if isinstance(operation, InputOperation):
         for name, wired in wired_inputs(robot).items():
             if wired == (operation.axis, operation.input):
                 return {"do": "input", "input": name, "on": operation.on}

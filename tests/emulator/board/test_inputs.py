@@ -20,11 +20,10 @@ from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.drivers.driver_bank import AxisTrace
 from steptwin.emulator.drivers.driver_module import Module, fitted
 from steptwin.emulator.drivers.limits import Rule
-from steptwin.emulator.operations import Scheduled
+from steptwin.emulator.operations import Operation, Scheduled
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.world.switches import WEIGHT_ONE, Switch, Travel
 from steptwin.features.faults.kinds.drivers import DriverProtect
-from steptwin.features.faults.kinds.harm import Operation
 from steptwin.features.faults.kinds.limit_switches import StuckSwitch
 from steptwin.features.faults.kinds.machine import BoardTemperature, EmergencyStop, SetInput, Supply
 from steptwin.protocol import od

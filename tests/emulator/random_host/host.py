@@ -8,8 +8,8 @@ from collections.abc import Callable
 from random import Random
 
 from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.operations import Operation
 from steptwin.features.faults.kinds.drivers import DriverProtect
-from steptwin.features.faults.kinds.harm import Operation
 from steptwin.features.faults.kinds.limit_switches import StuckSwitch
 from steptwin.features.faults.kinds.machine import BoardTemperature, EmergencyStop, Supply
 from steptwin.protocol import od

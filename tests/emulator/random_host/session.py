@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 from steptwin.emulator.board.board import BoardConfig
 from steptwin.emulator.drivers.driver_module import fitted
+from steptwin.emulator.operations import Operation
 from steptwin.emulator.world.switches import Switch
 from steptwin.features.faults.kinds.drivers import DriverProtect
-from steptwin.features.faults.kinds.harm import Operation
 from steptwin.features.faults.kinds.limit_switches import StuckSwitch
 from steptwin.features.faults.kinds.machine import BoardTemperature, EmergencyStop, Supply
 from steptwin.protocol.cia402 import DigitalInput

@@ -9,7 +9,7 @@ from steptwin.controller.modes.profile_velocity import ProfileVelocity
 from steptwin.controller.motion import kernel as k
 from steptwin.controller.motion.axis_motion import AxisMotion
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.faults.kinds.harm import Operation
+from steptwin.emulator.operations import Operation
 from steptwin.features.faults.kinds.machine import EmergencyStop
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, SWITCH_ON, Mode

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.drivers.axis_wires import Noise, Wire, WireState
+from steptwin.emulator.operations import Operation
 from steptwin.features.faults.kinds import HARMS as FAMILIES
 from steptwin.features.faults.kinds.bus import (
     Babble,
@@ -23,7 +24,7 @@ from steptwin.features.faults.kinds.bus import (
     StrangerSends,
 )
 from steptwin.features.faults.kinds.drivers import DriverMode, DriverProtect, OscCapacitor, ShortCircuit
-from steptwin.features.faults.kinds.harm import Harm, Operation
+from steptwin.features.faults.kinds.harm import Harm
 from steptwin.features.faults.kinds.host import HostFault, HostFaultKind
 from steptwin.features.faults.kinds.limit_switches import BouncingSwitch, Contact, StuckSwitch, SwitchWire
 from steptwin.features.faults.kinds.machine import (
