@@ -23,7 +23,7 @@ _SILENCE_MAX_S: Final = 1
 
 
 class Participant(Protocol):
-    """Takes part in simulated time beside boards and bus: a further node, the rotors, a scenario of faults, a shelf."""
+    """Takes part in simulated time beside boards and bus: a further node, the rotors, the part of a feature."""
 
     @property
     def next_due_counts(self) -> int | None:

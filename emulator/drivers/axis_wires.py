@@ -2,9 +2,9 @@
 
 A wire is whole, broken, held at a level, or noisy. A broken one leaves its terminal open: the pull-down of the chip's
 pin, or the optocoupler without current, gives the level. Noise turns the level over for a short time at random
-instants, drawn from a seed, so that equal faults give equal edges; they do not depend on how time is divided.
+instants, drawn from a seed, so that equal conditions give equal edges; they do not depend on how time is divided.
 
-A fault begins and ends at the start of a servo tick, because pulses are computed ahead. A pulse that has begun before
+A condition begins and ends at the start of a servo tick, because pulses are computed ahead. A pulse that has begun before
 it passes whole.
 """
 
@@ -187,7 +187,7 @@ class _Meant:
 
 
 class AxisWires:
-    """The wires to one driver. It is made with the first fault: until then the edges pass by themselves."""
+    """The wires to one driver. It is made when the first is not whole: until then the edges pass by themselves."""
 
     def __init__(
         self,

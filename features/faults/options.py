@@ -35,7 +35,7 @@ class FaultOptions:
         """Return other options, with those of these that are no defaults in place of theirs."""
         return other if self.scenario is None else self
 
-    def read_for(self, robot: "Robot", folder: Path = Path()) -> "FaultOptions":
+    def read_for(self, robot: "Robot", folder: Path) -> "FaultOptions":
         """Return the same with the scenario read; the file's relative path begins at a folder."""
         given = self.scenario
         placed = replace(self, scenario=folder / given if isinstance(given, str) else given)
