@@ -4,8 +4,8 @@ A wire is whole, broken, held at a level, or noisy. A broken one leaves its term
 pin, or the optocoupler without current, gives the level. Noise turns the level over for a short time at random
 instants, drawn from a seed, so that equal conditions give equal edges; they do not depend on how time is divided.
 
-A condition begins and ends at the start of a servo tick, because pulses are computed ahead. A pulse that has begun before
-it passes whole.
+A condition begins and ends at the start of a servo tick, because pulses are computed ahead. A pulse that has begun
+before it passes whole.
 """
 
 from collections.abc import Iterator

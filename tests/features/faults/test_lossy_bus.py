@@ -6,7 +6,7 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.features.faults.kinds.bus import FrameCorruption, FrameDelay, FrameLoss, SenderOff
 from steptwin.host.common.errors import BusError
 from steptwin.protocol.frame import COB_SYNC
-from tests.end_to_end.faulty_bus import MS, drawer_pull, strikes
+from tests.features.faults.faulty_bus import MS, drawer_pull, strikes
 from tests.messages import refusing
 
 pytestmark = pytest.mark.usefixtures("impatient")
