@@ -24,7 +24,7 @@ _FAULTS: Final = Spelling(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultOptions:
-    """The scenario of an emulated machine.
+    """The scenario of an emulated machine; its times count from the first motion that a SYNC starts, or from power-up.
 
     A path stands for the scenario in that file, and harms for one that begins with them at power-up.
     """
