@@ -6,29 +6,23 @@ on together and count the same 72 MHz; real boards, each with its own crystal, w
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from typing import Final, Protocol
 
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.emulator.board.board import Board
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.bus.can_controller import CanController, unheard
-from steptwin.features.faults.kinds import Consequence, Schedule, Scheduled
-from steptwin.features.faults.kinds.bus import Babble, HostBitRate
-from steptwin.features.faults.kinds.harm import Operation
-from steptwin.features.faults.kinds.machine import PowerUp
+from steptwin.emulator.operations import BoardStart, Consequence, Operation, Schedule, Scheduled
 from steptwin.features.nodes.simple_node import SimpleNode
 from steptwin.protocol.frame import Frame
-from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND, COUNTS_PER_US
+from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
-_BABBLE_AHEAD: Final = 2
-"""Frames that a babbling station has waiting, so that it always has one for the next arbitration."""
 _SILENCE_MAX_S: Final = 1
 """Greatest time from a frame until the bus is silent again: some 1000 frames at 125 kbit/s."""
 
 
 class Participant(Protocol):
-    """Takes part in simulated time beside boards and bus: a further node, rotors that turn, a scenario of faults."""
+    """Takes part in simulated time beside boards and bus: a further node, the rotors, the part of a feature."""
 
     @property
     def next_due_counts(self) -> int | None:
@@ -100,7 +94,8 @@ class Simulation:
             bus: the bus that joins them.
             schedule: operations on their machines, and the instants of these.
             nodes: further nodes on the bus, switched on with the boards.
-            joining: makes each further participant, before the boards boot; in this order they are stepped.
+            joining: makes each further participant, if there is one, before the boards boot; in this order they are
+                stepped.
         """
         self._schedule = Schedule(schedule)
         self._down_until_counts: dict[int, int] = {}
@@ -140,7 +135,8 @@ class Simulation:
         for node in self.nodes:
             self.join(node)
         for join in joining:
-            self.join(join(self))
+            if (participant := join(self)) is not None:
+                self.join(participant)
         for board in self.boards:
             board.boot(0)
         for node in self.nodes:
@@ -178,8 +174,8 @@ class Simulation:
 
     def operate(self, operation: Operation, number: int = 0) -> None:
         """Execute an operation on a board or its machine, or on the bus, now."""
-        self.on_operation(Scheduled(self.now_counts, operation, number))
         self.apply(operation, number)
+        self.on_operation(Scheduled(self.now_counts, operation, number))
 
     def apply(self, operation: Operation, number: int) -> None:
         """Execute an operation now that nobody has requested, such as a sensor's change of an input."""
@@ -199,26 +195,7 @@ class Simulation:
         until_counts = self.now_counts + (for_ms or 0) * COUNTS_PER_MS
         self._down_until_counts[number] = max(until_counts, self._down_until_counts.get(number, 0))
         if for_ms is not None:
-            self.schedule([Consequence(until_counts, PowerUp(), number)])
-
-    def babble(self, babble: Babble, number: int) -> None:
-        """Send a frame unless two wait, and again a period later; end what has begun if it is not to be sent."""
-        if not babble.count:
-            self._schedule.end_babble(babble.frame)
-            return
-        if self.stranger.waiting < _BABBLE_AHEAD:
-            self.stranger.send(babble.frame, self.now_counts)
-        if babble.count > 1:
-            next_counts = self.now_counts + babble.period_us * COUNTS_PER_US
-            self.schedule([Consequence(next_counts, replace(babble, count=babble.count - 1), number)])
-
-    def repair_bus(self) -> None:
-        """End all faults of the bus, and the stranger's babble, now; let the host have the first board's bit rate."""
-        self.bus.end_faults(self.now_counts)
-        self._schedule.end_babble()
-        bitrate = self.boards[0].can.bitrate
-        if bitrate is not None and bitrate != self.bus.host_bitrate:
-            self.operate(HostBitRate(bitrate))
+            self.schedule([Consequence(until_counts, BoardStart(), number)])
 
     @property
     def stranger(self) -> CanController:
@@ -233,6 +210,10 @@ class Simulation:
     def schedule(self, scheduled: Iterable[Scheduled]) -> None:
         """Let operations be executed at their instants."""
         self._schedule.add(scheduled)
+
+    def cancel(self, which: Callable[[Operation], bool]) -> None:
+        """Let the consequences of earlier operations not happen whose operation is one of these."""
+        self._schedule.cancel(which)
 
     @property
     def now_s(self) -> float:
@@ -364,5 +345,5 @@ class Simulation:
         return reached_counts
 
 
-Joining = Callable[[Simulation], Participant]
-"""Makes a participant of a simulation whose boards have no power yet."""
+Joining = Callable[[Simulation], Participant | None]
+"""Makes a participant of a simulation whose boards have no power yet; None if nothing takes part."""

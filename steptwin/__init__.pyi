@@ -1,12 +1,15 @@
 """The public names of StepTwin, each from the module that defines it; `__init__.py` imports them as they are used."""
 
+from steptwin.emulator.drivers.axis_wires import Noise as Noise
+from steptwin.emulator.drivers.axis_wires import Wire as Wire
+from steptwin.emulator.drivers.axis_wires import WireState as WireState
+from steptwin.emulator.operations import Scheduled as Scheduled
 from steptwin.features.calibration.identification import Identification as Identification
 from steptwin.features.calibration.identification import identify_errors as identify_errors
 from steptwin.features.calibration.measurements import Measurements as Measurements
 from steptwin.features.calibration.measurements import read_measurements as read_measurements
 from steptwin.features.calibration.measurements import simulate_measurements as simulate_measurements
 from steptwin.features.fastest.again import fastest_again as fastest_again
-from steptwin.features.faults.kinds import Scheduled as Scheduled
 from steptwin.features.faults.kinds.bus import Babble as Babble
 from steptwin.features.faults.kinds.bus import BusFault as BusFault
 from steptwin.features.faults.kinds.bus import BusOff as BusOff
@@ -37,13 +40,10 @@ from steptwin.features.faults.kinds.machine import SetInput as SetInput
 from steptwin.features.faults.kinds.machine import Slip as Slip
 from steptwin.features.faults.kinds.machine import Supply as Supply
 from steptwin.features.faults.kinds.machine import WatchdogReset as WatchdogReset
-from steptwin.features.faults.kinds.wiring import Noise as Noise
 from steptwin.features.faults.kinds.wiring import SetWire as SetWire
-from steptwin.features.faults.kinds.wiring import Wire as Wire
-from steptwin.features.faults.kinds.wiring import WireState as WireState
+from steptwin.features.faults.options import FaultOptions as FaultOptions
 from steptwin.features.faults.reaction import Motion as Motion
 from steptwin.features.faults.reaction import Reaction as Reaction
-from steptwin.features.faults.report import NotBegunError as NotBegunError
 from steptwin.features.faults.scenario import Fault as Fault
 from steptwin.features.faults.scenario import Scenario as Scenario
 from steptwin.features.faults.scenario import read_scenario as read_scenario
@@ -91,6 +91,7 @@ from steptwin.host.robots.robot import Robot as Robot
 from steptwin.host.twin.board_under_test import BoardUnderTest as BoardUnderTest
 from steptwin.host.twin.board_under_test import ServedBoardUnderTest as ServedBoardUnderTest
 from steptwin.host.twin.embedded.execution import execute as execute
+from steptwin.host.twin.embedded.outcome import NotBegunError as NotBegunError
 from steptwin.host.twin.embedded.outcome import Outcome as Outcome
 from steptwin.host.twin.live.served_board import ServedBoard as ServedBoard
 from steptwin.host.twin.machine.input_changes import InputChange as InputChange

@@ -2,10 +2,16 @@
 
 import datetime as dt
 import json
+import tomllib
 from collections.abc import Callable, Iterator
 from copy import deepcopy
 from functools import partial
+from itertools import islice
 from typing import Any, Final
+
+import pytest
+
+from steptwin.host.common.errors import InputError
 
 JUNK: Final[tuple[Any, ...]] = (
     None,
@@ -95,3 +101,19 @@ def _toml(value: Any) -> str:
 
 def _quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def check_junk(text: str, read: Callable[[str], object], stride: int) -> None:
+    """Check that a reader takes a TOML text, and each `stride`-th change of it, or refuses that in lines."""
+    document: dict[str, Any] = tomllib.loads(text)
+    read(toml_of(document))
+    for change, changed in islice(junk_documents(document), 0, None, stride):
+        try:
+            read(toml_of(changed()))
+        except InputError as error:
+            told = error.messages
+        except Exception as error:
+            pytest.fail(f"{change}: {type(error).__name__}: {error}")
+        else:
+            continue
+        assert all(message and "\n" not in message and "\x1b" not in message for message in told), change

@@ -15,7 +15,8 @@ from docs.generate.paper_pages import PAPERS
 from steptwin.features.faults.judge import longest_ramp_ms
 from steptwin.features.faults.reaction import Motion, Reaction
 from steptwin.features.faults.reactions import DOCUMENTED
-from steptwin.features.faults.requests import INJECTED, REQUESTS, STATE, does, keys_of, says, usage
+from steptwin.features.faults.requests import INJECTED, REQUESTS, does, keys_of, says, usage
+from steptwin.host.common.choices import STATE
 from steptwin.host.common.features import giving
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.machine.machine_options import SPELLING, MachineOptions
@@ -33,8 +34,7 @@ motors. `execute`, `ServedBoard`, `BoardUnderTest` and `ServedBoardUnderTest` ha
 _REMARKS: Final = """\
 `run` has no `--bitrate`: its option of that name is for a live board. Its `--motors` lets the motors turn after
 the run, by its record, and `--motors=loop` as it goes. In Python `stand_at` may also list all joints,
-`crystal_ppm` may be one number for all boards, and `scenario` a `Scenario` or a list of harms from power-up on;
-a scenario of a served board may not harm the host, and motors that turn in real time need numba.
+`crystal_ppm` may be one number for all boards. Motors that turn in real time need numba.
 
 The options of a feature are an object of a class of its own, in the list `extras`:
 `extras=[ShelfOptions(stock={"A1": "screws"})]`."""

@@ -15,13 +15,14 @@ from steptwin.emulator.board.board_firmware import BoardFirmware, BoardProgram, 
 from steptwin.emulator.board.inputs import BoardInputs
 from steptwin.emulator.board.local_clock import CRYSTAL_PPM_MAX, LocalClock
 from steptwin.emulator.board.own_program import OwnProgram
+from steptwin.emulator.board.surroundings import AxisSurroundings, Surroundings
 from steptwin.emulator.bus.can_controller import CanController
+from steptwin.emulator.drivers.axis_wires import Condition, Wire
 from steptwin.emulator.drivers.driver_bank import SUPPLIES, AxisTrace, DriverBank, DriverMonitor
 from steptwin.emulator.drivers.driver_module import Module
 from steptwin.emulator.drivers.output_follower import OutputFollower
+from steptwin.emulator.operations import BoardOperation
 from steptwin.emulator.world.switches import Switch, Travel
-from steptwin.features.faults.kinds.harm import AxisSurroundings, BoardOperation, Surroundings
-from steptwin.features.faults.kinds.wiring import Condition, Wire
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.dictionary import FlashPage
 from steptwin.protocol.frame import FIRST_NODE_ID
@@ -258,7 +259,7 @@ class Board:
 
     @property
     def slipped_full_steps(self) -> list[int]:
-        """Way by which `Slip` has moved each axis' rotor since power-up."""
+        """Way by which `slip` has moved each axis' rotor since power-up."""
         return self.drivers.slipped_full_steps
 
     def place(self, rotors_substeps: Sequence[int]) -> None:
@@ -490,7 +491,7 @@ class Board:
         return self.drivers.count(axis)
 
     def shaft(self, axis: int) -> Shaft:
-        """Return where an axis' rotor is: without motors it is where the driver's steps and `Slip` have put it."""
+        """Return where an axis' rotor is: without motors it is where the driver's steps and `slip` have put it."""
         if self.rotor_of is not None:
             return self.rotor_of(axis)
         self.drain_axis(axis)

@@ -12,7 +12,7 @@ from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.board.board_firmware import BoardProgram
 from steptwin.emulator.board.local_clock import LocalClock
 from steptwin.emulator.bus.can_controller import CanController
-from steptwin.features.faults.kinds.harm import BoardOperation
+from steptwin.emulator.operations import BoardOperation
 from steptwin.protocol.dictionary import FlashPage
 from steptwin.protocol.frame import Frame
 

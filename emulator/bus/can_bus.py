@@ -7,7 +7,7 @@ from typing import Final
 
 from steptwin.emulator.bus.can_controller import CanController, ErrorState
 from steptwin.emulator.bus.can_timing import INTERMISSION_BITS, UNSTUFFED_TAIL_BITS, VALID_BEFORE_END_BITS, frame_bits
-from steptwin.features.faults.kinds.bus import BusFault, FaultsInForce, StrikeEffect
+from steptwin.emulator.bus.frame_filter import FiltersInForce, FrameFilter, StrikeEffect
 from steptwin.protocol.frame import BITRATES, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -40,7 +40,7 @@ class _Outcome(Enum):
 _DELIVERED: Final = (_Outcome.VALID, _Outcome.DOUBLED)
 """Results after which the receivers have the frame."""
 _NO_EFFECT: Final = StrikeEffect()
-"""What happens to an attempt that no fault strikes."""
+"""What happens to an attempt that no filter strikes."""
 
 
 class Bus:
@@ -48,8 +48,8 @@ class Bus:
 
     Work goes by events: `next_event_counts` says when the next event on the wire is due, `step` executes it and hands
     valid frames to their receivers. The methods share the state of one transmission, from arbitration to its end, and
-    the list of stations in bus-off, so they belong together; frame lengths, error counters and faults on purpose are
-    elsewhere (`can_timing`, `fault_confinement`, `faults.bus`).
+    the list of stations in bus-off, so they belong together; frame lengths, error counters and filters are elsewhere
+    (`can_timing`, `fault_confinement`, `frame_filter`).
     """
 
     def __init__(self, bitrate: int, log: Log | None = None) -> None:
@@ -81,10 +81,10 @@ class Bus:
         """Instant when a transmission ends, the next arbitration is held or a station returns from bus-off."""
         self.busy: bool = False
         """True while a frame is on the wire, or a station has one to send now or after its bus-off."""
-        self.faults: FaultsInForce = FaultsInForce()
-        """The wire's faults on purpose."""
-        self._waiting: list[tuple[Frame, type[BusFault]]] = []
-        """Frames that still wait, with the faults that strike a frame only once and have struck it."""
+        self.filters: FiltersInForce = FiltersInForce()
+        """What may hold back, disturb, double or lose frames."""
+        self._waiting: list[tuple[Frame, type[FrameFilter] | None]] = []
+        """Frames that still wait, with the filters that strike a frame only once and have struck it."""
         self._stations: list[CanController] = []
         self._off: list[CanController] = []
         """The stations in bus-off."""
@@ -101,8 +101,8 @@ class Bus:
         self._outdone: list[CanController] = []
         """Stations that began to send a different frame with the same identifier."""
         self._missed_by: list[CanController] = []
-        self._struck_by: type[BusFault] = BusFault
-        """The fault that has struck last."""
+        self._struck_by: type[FrameFilter] | None = None
+        """The class of the filter that has struck last; None before the first strike."""
         self._free_counts = 0
         self._idle_since_counts = 0
         """Instant up to which recessive bits are counted for the stations in bus-off."""
@@ -214,7 +214,7 @@ class Bus:
                 for station in ready
                 if station.mailboxes[0].cob_id == frame.cob_id and station.mailboxes[0] != frame
             ]
-        effect = self._strike(frame, now_counts) if self.faults.in_force else _NO_EFFECT
+        effect = self._strike(frame, now_counts) if self.filters.in_force else _NO_EFFECT
         if effect.hold_counts:
             for station in senders:
                 station.silent_until_counts = max(station.silent_until_counts, now_counts + effect.hold_counts)
@@ -225,24 +225,24 @@ class Bus:
             self._begin(frame, senders, outdone, effect, now_counts)
 
     def _strike(self, frame: Frame, now_counts: int) -> StrikeEffect:
-        """Return what a fault does to an attempt; frames that wait are known by identity, since bytes may repeat."""
-        fault = self.faults.strike(frame, now_counts, [kind for each, kind in self._waiting if each is frame])
-        if fault is None:
+        """Return what a filter does to an attempt; frames that wait are known by identity, since bytes may repeat."""
+        struck_by = self.filters.strike(frame, now_counts, [kind for each, kind in self._waiting if each is frame])
+        if struck_by is None:
             return _NO_EFFECT
-        effect, self._struck_by = fault.effect(), type(fault)
+        effect, self._struck_by = struck_by.effect(), type(struck_by)
         if effect.hold_counts:
             self._waiting.append((frame, self._struck_by))
         return effect
 
-    def end_fault(self, fault: BusFault, now_counts: int) -> None:
-        """Let a fault strike no more; one that is not there changes nothing."""
-        self.faults.end(fault)
-        if fault.effect().hold_counts:
+    def end_filter(self, ended: FrameFilter, now_counts: int) -> None:
+        """Let a filter strike no more; one that is not there changes nothing."""
+        self.filters.end(ended)
+        if ended.effect().hold_counts:
             self._release(now_counts)
 
-    def end_faults(self, now_counts: int) -> None:
-        """Let no fault strike any more."""
-        self.faults.end_all()
+    def end_filters(self, now_counts: int) -> None:
+        """Let no filter strike any more."""
+        self.filters.end_all()
         self._release(now_counts)
 
     def _release(self, now_counts: int) -> None:

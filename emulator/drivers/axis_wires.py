@@ -1,22 +1,103 @@
-"""Model faults of the wires from a board's pins STEP, DIR and ENABLE to the terminals of one driver.
+"""Model the wires from a board's pins STEP, DIR and ENABLE to the terminals of one driver.
 
 A wire is whole, broken, held at a level, or noisy. A broken one leaves its terminal open: the pull-down of the chip's
 pin, or the optocoupler without current, gives the level. Noise turns the level over for a short time at random
-instants, drawn from a seed, so that equal faults give equal edges; they do not depend on how time is divided.
+instants, drawn from a seed, so that equal conditions give equal edges; they do not depend on how time is divided.
 
-A fault begins and ends at the start of a servo tick, because pulses are computed ahead. A pulse that has begun before
-it passes whole.
+A condition begins and ends at the start of a servo tick, because pulses are computed ahead. A pulse that has begun
+before it passes whole.
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from random import Random
+from typing import Final
 
 import numpy as np
 
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import NO_COUNTS, NO_LEVELS, Int8Array, Int64Array, levels_at
 from steptwin.emulator.drivers.terminals import LevelChange, TerminalEdges
-from steptwin.features.faults.kinds.wiring import Condition, Noise, Wire, WireState
 from steptwin.protocol.drivers import ActiveEdge
+from steptwin.protocol.timer import COUNTS_PER_SECOND, counts_of_ns
+
+NOISE_RATE_MAX_HZ: Final = 1_000_000
+
+
+class Wire(StrEnum):
+    """A wire from the board to a driver."""
+
+    STEP = "step"
+    DIR = "dir"
+    ENABLE = "enable"
+
+
+class WireState(StrEnum):
+    """What a wire does with the level of the board's pin."""
+
+    WHOLE = "whole"
+    BROKEN = "broken"
+    LOW = "low"
+    """Shorted to ground."""
+    HIGH = "high"
+    """Shorted to the logic's supply."""
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Disturbances of a wire: each turns its level over for a time, at random instants.
+
+    Attributes:
+        rate_hz: their number a second in the mean.
+        width_ns: duration of each.
+        count: number after which the noise ends; None for no end.
+        seed: what the instants are drawn from: the pauses are equally likely from 0 to twice their mean.
+
+    Raises:
+        ValueError: the rate or the width is not positive, the disturbances do not fit into their rate, or there are
+            none.
+    """
+
+    rate_hz: float
+    width_ns: int
+    count: int | None = None
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.rate_hz <= NOISE_RATE_MAX_HZ:
+            raise ValueError(f"rate_hz {self.rate_hz:g} is not above 0 and up to {NOISE_RATE_MAX_HZ}")
+        if self.width_ns <= 0:
+            raise ValueError(f"width_ns {self.width_ns} is not positive")
+        if self.pause_counts < 1:
+            longest_ns = round(1e9 / self.rate_hz)
+            raise ValueError(f"width_ns {self.width_ns} leaves no pause at {self.rate_hz:g} Hz: below {longest_ns}")
+        if self.count is not None and self.count < 1:
+            raise ValueError(f"count {self.count} is not 1 or more")
+
+    @property
+    def width_counts(self) -> int:
+        """Duration of each disturbance in counts."""
+        return counts_of_ns(self.width_ns)
+
+    @property
+    def pause_counts(self) -> int:
+        """Mean pause between two of them, in counts."""
+        return round(COUNTS_PER_SECOND / self.rate_hz) - self.width_counts
+
+    def flips(self, from_counts: int) -> Iterator[int]:
+        """Yield the instants, from one on, when the level turns over: begin and end of each disturbance."""
+        random, at, left = Random(self.seed), from_counts, self.count
+        while left is None or left > 0:
+            at += random.randint(1, 2 * self.pause_counts - 1)
+            yield at
+            at += self.width_counts
+            yield at
+            left = None if left is None else left - 1
+
+
+Condition = WireState | Noise
+"""What a wire is like."""
 
 
 class _Line:
@@ -106,7 +187,7 @@ class _Meant:
 
 
 class AxisWires:
-    """The wires to one driver. It is made with the first fault: until then the edges pass by themselves."""
+    """The wires to one driver. It is made when the first is not whole: until then the edges pass by themselves."""
 
     def __init__(
         self,

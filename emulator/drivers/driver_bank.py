@@ -11,14 +11,13 @@ from steptwin.controller.motion.axis_motion import PinEdges
 from steptwin.controller.node.pins import OUTPUT_PINS, Pin, PinChange
 from steptwin.emulator.board.edges import Int8Array, Int64Array
 from steptwin.emulator.board.inputs import BoardInputs
-from steptwin.emulator.drivers.axis_wires import AxisWires
+from steptwin.emulator.drivers.axis_wires import AxisWires, Condition, Wire
 from steptwin.emulator.drivers.driver import Driver
 from steptwin.emulator.drivers.driver_module import Module
 from steptwin.emulator.drivers.limits import Violations
 from steptwin.emulator.drivers.output_follower import OutputFollower
 from steptwin.emulator.drivers.outputs import ChipOutputs
 from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
-from steptwin.features.faults.kinds.wiring import Condition, Wire
 from steptwin.protocol.drivers import ActiveEdge
 
 SUPPLIES = (Rail.VDD, Rail.VM)

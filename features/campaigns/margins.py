@@ -8,7 +8,7 @@ from typing import Final
 from steptwin.features.campaigns.recovery import Recovery
 from steptwin.features.campaigns.row import Ended
 from steptwin.features.campaigns.trial import Trial
-from steptwin.features.faults.report import FaultReport
+from steptwin.features.faults.report import FaultReport, report_in
 from steptwin.features.motors.turning import MotorVerdict
 from steptwin.host.twin.embedded.outcome import Outcome
 from steptwin.host.verify import AxisEvidence, Report, threshold_tolerance_steps
@@ -64,9 +64,8 @@ class Performance:
     @property
     def faults(self) -> tuple[FaultReport, ...]:
         """The scenario's faults, and what answered; empty without a scenario."""
-        if self.outcome is None or self.outcome.scenario is None:
-            return ()
-        return self.outcome.scenario.faults
+        report = None if self.outcome is None else report_in(self.outcome.verdicts)
+        return () if report is None else report.faults
 
     @property
     def reasons(self) -> tuple[str, ...]:

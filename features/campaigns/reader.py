@@ -19,8 +19,8 @@ from steptwin.features.campaigns.campaign import (
 from steptwin.features.campaigns.trial import placed, random_moves
 from steptwin.features.campaigns.values import Template, drawn, read_template
 from steptwin.features.campaigns.variations import VARIATIONS, Setup
+from steptwin.features.faults.kinds.machine import check_motors
 from steptwin.features.faults.scenario import scenario_of
-from steptwin.features.faults.target import check_motors
 from steptwin.features.motors.limits import motor_limits
 from steptwin.features.motors.options import MotorsTurn
 from steptwin.features.motors.turning import check_described

@@ -12,6 +12,8 @@ from steptwin.features.campaigns.margins import MARGINS, Claim, Performance
 from steptwin.features.campaigns.recovery import recover, steps_off
 from steptwin.features.campaigns.row import Breach, Ended, Row, split_parameters
 from steptwin.features.campaigns.trial import Trial, draw
+from steptwin.features.faults.options import FaultOptions
+from steptwin.features.faults.part import repair
 from steptwin.features.motors.evidence import trace_of
 from steptwin.features.motors.options import MotorOptions, MotorsTurn
 from steptwin.features.motors.turning import MotorVerdict, motors_of_run
@@ -79,8 +81,7 @@ def perform(trial: Trial) -> Performance:
             trial.motion,
             _kernel(),
             driver_profile=trial.setup.driver_profile,
-            scenario=scenario,
-            extras=[MotorOptions(motors=trial.motors is MotorsTurn.IN_LOOP)],
+            extras=[FaultOptions(scenario=scenario), MotorOptions(motors=trial.motors is MotorsTurn.IN_LOOP)],
             axes_per_board=trial.setup.axes_per_board,
             crystal_ppm=trial.setup.crystals_ppm,
             on_board=boards.append,
@@ -89,7 +90,7 @@ def perform(trial: Trial) -> Performance:
     except (DeviceFaultError, BusError) as error:
         message = str(error)
     (board,) = boards
-    board.repair()  # and another host, if the first has died
+    repair(board)  # and another host, if the first has died
     claims, own_time = _claims(board), _by_own_clocks(trial, board, outcome)
     recovery = recover(board) if trial.recover else None
     return Performance(

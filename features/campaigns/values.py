@@ -11,11 +11,11 @@ from random import Random
 from reprlib import repr as short
 from typing import Any, Final, NamedTuple
 
-from steptwin.features.faults.requests import switches_of
 from steptwin.host.common.bad_input import known, prefixed
 from steptwin.host.common.choices import SWITCHES
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import number_at
+from steptwin.host.operate.inputs_outputs import switches_of
 from steptwin.host.robots.robot import Robot
 
 Template = Any

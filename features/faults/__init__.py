@@ -1,11 +1,77 @@
 """Faults on purpose: what may go wrong, what starts it, and whether the machine answers as documented."""
 
-from typing import Final
+from collections.abc import Collection, Sequence
+from typing import TYPE_CHECKING, Final
 
-from steptwin.host.common.features import COMMAND_GROUPS, CommandRow, Feature
+from steptwin.host.common.features import COMMAND_GROUPS, CommandRow, ControlRequests, Feature, FileKind, Telling
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from steptwin.features.faults.options import FaultOptions
+    from steptwin.features.faults.part import FaultsPart
+    from steptwin.host.cli.arguments import CheckedFile
+    from steptwin.host.common.findings import Findings
+    from steptwin.host.robots.robot import Robot
+
+NAME: Final = "faults"
+
+
+def _machine_options() -> "type[FaultOptions]":
+    from steptwin.features.faults.options import FaultOptions
+
+    return FaultOptions
+
+
+def _read_options(options: "FaultOptions", robot: "Robot", folder: "Path") -> "FaultOptions":
+    return options.read_for(robot, folder)
+
+
+def _part(
+    robot: "Robot",
+    _joints: Sequence[float],
+    _axes_per_board: Sequence[int],
+    options: "FaultOptions | None",
+    _waits_for: Collection[str] | None,
+) -> "FaultsPart | None":
+    scenario = None if options is None else options.scenario_for(robot)
+    if scenario is None:
+        return None
+    from steptwin.features.faults.part import FaultsPart
+
+    return FaultsPart(scenario)
+
+
+def _requests() -> ControlRequests:
+    from steptwin.features.faults import control
+
+    return control
+
+
+def _check(path: str, text: str, robot: str | None, findings: "Findings") -> "CheckedFile":
+    from steptwin.features.faults.check import check_scenario
+
+    return check_scenario(path, text, robot, findings)
+
+
+def _file_kinds() -> Sequence[FileKind]:
+    return (FileKind("scenario", ("fault",), _check),)
+
+
+def _telling() -> Telling:
+    from steptwin.features.faults import on_purpose
+
+    return on_purpose
+
 
 FEATURE: Final = Feature(
-    name="faults",
+    name=NAME,
+    machine_options=_machine_options,
+    read_options=_read_options,
+    part=_part,
+    requests=_requests,
+    file_kinds=_file_kinds,
+    telling=_telling,
     commands=(
         CommandRow(
             "inject",

@@ -5,13 +5,14 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from steptwin.controller.motion.kernel import TICK_COUNTS
-from steptwin.features.faults.kinds.bus import BusFault, Strike
-from steptwin.features.faults.kinds.harm import Harm, Operation
+from steptwin.emulator.bus.frame_filter import Strike
+from steptwin.features.faults.kinds.bus import BusFault
+from steptwin.features.faults.kinds.harm import Harm, MachineHarm
 from steptwin.features.faults.kinds.host import HostFault, HostFaultKind
 from steptwin.features.faults.kinds.machine import BrownOut, WatchdogReset
+from steptwin.features.faults.moment import Moment, moment_of
 from steptwin.features.faults.reactions import concerned
 from steptwin.features.faults.scenario import Fault, Scenario
-from steptwin.features.faults.target import Moment, Target
 from steptwin.features.faults.triggers import (
     AtPosition,
     AtRandom,
@@ -29,6 +30,7 @@ from steptwin.features.faults.triggers import (
 )
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import BusError
+from steptwin.host.twin.machine.robot_boards import RobotBoards
 from steptwin.protocol.frame import COB_EMCY, COB_SYNC, FIRST_NODE_ID, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -139,8 +141,8 @@ class _Changed:
         by: the operations that have changed it and last, in order of time.
     """
 
-    undo: Operation
-    by: list[Operation] = field(default_factory=list)
+    undo: MachineHarm
+    by: list[MachineHarm] = field(default_factory=list)
 
 
 class Engine:
@@ -150,7 +152,7 @@ class Engine:
     when its trigger is due; the firmware sees inputs with its next tick.
     """
 
-    def __init__(self, scenario: Scenario, target: Target, host: HostCondition) -> None:
+    def __init__(self, scenario: Scenario, target: RobotBoards, host: HostCondition) -> None:
         """Watch for the triggers of a scenario from now on.
 
         Raises:
@@ -178,8 +180,8 @@ class Engine:
         self._lasting: dict[tuple[object, ...], _Changed] = {}
         """What faults have changed that may end, by its place."""
         self._bus_faults = {id(each.harm): each for each in self.played if isinstance(each.harm, BusFault)}
-        target.simulation.bus.faults.reseed(scenario.seed)
-        target.simulation.bus.faults.on_strike = self._note_strike
+        target.simulation.bus.filters.reseed(scenario.seed)
+        target.simulation.bus.filters.on_strike = self._note_strike
         target.simulation.bus.listen(self._hear)
         target.simulation.join(self)
         self.step(target.simulation.now_counts)  # what is due at power-up comes before the first frame
@@ -237,13 +239,13 @@ class Engine:
         """Note t = 0 of the motion, the first tick after the SYNC."""
         self._sync_counts = None
         self.start_counts = -(-sync_counts // TICK_COUNTS) * TICK_COUNTS
-        self._start = self.target.moment()
+        self._start = moment_of(self.target)
         for each in self._waiting:
             if each.watch is not None:
                 each.watch.motion_starts(self.start_counts)
 
     def _note_strike(self, strike: Strike) -> None:
-        each = self._bus_faults.get(id(strike.fault))
+        each = self._bus_faults.get(id(strike.filter))
         if each is not None:
             each.strikes += 1
             each.first_counts = strike.counts if each.first_counts is None else each.first_counts
@@ -253,7 +255,7 @@ class Engine:
     def _act(self, each: Played, now_counts: int) -> None:
         if each.began is None:
             reset = isinstance(each.harm, BrownOut | WatchdogReset)
-            each.began = self.target.moment(concerned(each.harm, self.target.board_numbers) if reset else ())
+            each.began = moment_of(self.target, concerned(each.harm, self.target.board_numbers) if reset else ())
             self._begin(each, now_counts)
             each.watch = self._end_watch(each.fault, now_counts)
             if isinstance(each.harm, HostFault):
@@ -279,11 +281,13 @@ class Engine:
             each.strikes, each.first_counts = 1, now_counts
         if isinstance(harm, HostFault):
             return
-        if isinstance(harm, Operation):
-            undo = harm.undo(self.target.surroundings)
-            if isinstance(undo, Operation):
-                self._lasting.setdefault(_place_of(harm), _Changed(undo)).by.append(harm)
-        self.target.harm(harm)
+        if not isinstance(harm, MachineHarm):
+            harm.apply(self.target.simulation, 0)
+            return
+        undo = harm.undo(self.target.surroundings)
+        if isinstance(undo, MachineHarm):
+            self._lasting.setdefault(_place_of(harm), _Changed(undo)).by.append(harm)
+        self.target.operate(harm)
 
     def counted_from(self, began: Moment) -> Moment | None:
         """Return the moment from which steps lost by a fault count: its beginning, but not before the motion's.
@@ -304,13 +308,13 @@ class Engine:
     def _end(self, each: Played) -> None:
         harm = each.harm
         if isinstance(harm, BusFault):
-            self.target.simulation.bus.end_fault(harm, self.target.simulation.now_counts)
+            self.target.simulation.bus.end_filter(harm, self.target.simulation.now_counts)
         elif isinstance(harm, HostFault):
             self._host.end(harm)
-        elif isinstance(harm, Operation):
+        elif isinstance(harm, MachineHarm):
             self._end_change(harm)
 
-    def _end_change(self, harm: Operation) -> None:
+    def _end_change(self, harm: MachineHarm) -> None:
         """Undo an operation, unless a later one has replaced it; one that it has replaced and that lasts comes back."""
         changed = self._lasting.get(_place_of(harm))
         if changed is None or all(each is not harm for each in changed.by):
@@ -323,7 +327,7 @@ class Engine:
             self.target.operate(changed.by[-1] if changed.by else changed.undo)
 
 
-def _place_of(operation: Operation) -> tuple[object, ...]:
+def _place_of(operation: MachineHarm) -> tuple[object, ...]:
     """Return what an operation changes: those of one place replace each other, as two voltages of one supply."""
     return (type(operation), *(getattr(operation, name, None) for name in ("axis", "input", "switch", "wire", "frame")))
 

@@ -3,13 +3,13 @@
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
-from steptwin.features.faults.requests import INJECTED, STATE, end_of, request_of_words, usage
+from steptwin.features.faults.requests import INJECTED, end_of, request_of_words, usage
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import RobotOptions
 from steptwin.host.cli.live.connection import host_and_port, live_option
 from steptwin.host.cli.options import argument
 from steptwin.host.cli.output import print_table, say
-from steptwin.host.common.choices import EXAMPLE_PORT, SWITCHES
+from steptwin.host.common.choices import EXAMPLE_PORT, STATE, SWITCHES
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:

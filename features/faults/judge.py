@@ -9,10 +9,10 @@ import numpy as np
 from steptwin.features.faults.engine import Emergency, Played
 from steptwin.features.faults.kinds.bus import BusFault
 from steptwin.features.faults.kinds.harm import Harm
+from steptwin.features.faults.moment import AxisMoment, Moment
 from steptwin.features.faults.reaction import HOST_NOTICES_MS, TICK_MS, Motion, Reaction
 from steptwin.features.faults.reactions import concerned
 from steptwin.features.faults.report import JointAnswer
-from steptwin.features.faults.target import AxisMoment, Moment
 from steptwin.host.client.words import state_text
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import Evidence

@@ -1,11 +1,8 @@
 """Faults on purpose: print what has become of them."""
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from typing import Any, Final
 
-from steptwin.host.cli.app import end_unless
-from steptwin.host.cli.arguments import AnswerOptions
 from steptwin.host.cli.output import Columns, fixed, print_rows, say
 
 _UNKNOWN: Final = "unknown after a reset"
@@ -33,7 +30,7 @@ _AFTERWARDS: Final[Columns] = {
 }
 
 
-def print_faults(document: Mapping[str, Any]) -> None:
+def print_run(document: Mapping[str, Any]) -> None:
     """Print a row for each fault, and the scenario's verdict; nothing for a run without a scenario."""
     if "scenario" not in document:
         return
@@ -47,28 +44,13 @@ def print_faults(document: Mapping[str, Any]) -> None:
     )
 
 
-@contextmanager
-def telling_of_faults(answer: AnswerOptions) -> Iterator[None]:
-    """Print what has become of a scenario's faults if an error ends the block before the motion has begun."""
-    from steptwin.features.faults.report import NotBegunError
-
-    try:
-        yield
-    except NotBegunError as error:
-        document = error.scenario.to_dict()
-        answer.tell({"passed": False, **document}, lambda: print_faults(document))
-        raise
-
-
-def print_struck(document: Mapping[str, Any]) -> None:
+def print_served(document: Mapping[str, Any]) -> None:
     """Print a row for each fault of a live board, on which no plan says what is right; nothing without a scenario."""
     if "scenario" in document:
         print_rows({**_COLUMNS, "strikes": "{0[strikes]}"}, document["faults"], text_columns=_TEXTS)
 
 
-def end_unless_struck(document: Mapping[str, Any]) -> None:
-    """End the command with exit code 1 if a fault of a live board's scenario never struck."""
+def served_failure(document: Mapping[str, Any]) -> str:
+    """Return which faults of a live board's scenario never struck; empty if all did."""
     never = [fault["name"] for fault in document.get("faults", ()) if fault["struck_s"] is None]
-    if never:
-        say(f"scenario {document['scenario']['name']}: never struck: {', '.join(never)}", err=True)
-    end_unless(not never)
+    return f"scenario {document['scenario']['name']}: never struck: {', '.join(never)}" if never else ""

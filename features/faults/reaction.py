@@ -8,7 +8,7 @@ from types import UnionType
 from typing import Any, Final
 
 from steptwin.features.faults.kinds.harm import Harm
-from steptwin.features.faults.target import Moment
+from steptwin.features.faults.moment import Moment
 from steptwin.host.client.lease import TIMEOUT_MS
 from steptwin.host.client.waiting import REPLY_TIMEOUT_S, SILENCE_S
 from steptwin.protocol.cia402 import ErrorCode, State

@@ -10,6 +10,7 @@ from dataclasses import replace
 from math import inf
 from typing import Final
 
+from steptwin.emulator.drivers.axis_wires import WireState
 from steptwin.features.faults.kinds.bus import (
     Babble,
     BusFault,
@@ -24,7 +25,7 @@ from steptwin.features.faults.kinds.bus import (
     StrangerSends,
 )
 from steptwin.features.faults.kinds.drivers import DriverMode, DriverProtect, OscCapacitor, ShortCircuit
-from steptwin.features.faults.kinds.harm import AxisOperation, Harm, Operation
+from steptwin.features.faults.kinds.harm import AxisHarm, Harm, MachineHarm
 from steptwin.features.faults.kinds.host import HostFault, HostFaultKind
 from steptwin.features.faults.kinds.limit_switches import BouncingSwitch, Contact, StuckSwitch, SwitchWire
 from steptwin.features.faults.kinds.machine import (
@@ -38,7 +39,8 @@ from steptwin.features.faults.kinds.machine import (
     Supply,
     WatchdogReset,
 )
-from steptwin.features.faults.kinds.wiring import SetWire, WireState
+from steptwin.features.faults.kinds.wiring import SetWire
+from steptwin.features.faults.moment import Moment
 from steptwin.features.faults.reaction import (
     DEAF_BOARD_MS,
     GOES_ON,
@@ -54,7 +56,6 @@ from steptwin.features.faults.reaction import (
     Reaction,
     stops,
 )
-from steptwin.features.faults.target import Moment
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, State
 from steptwin.protocol.frame import COB_HEARTBEAT, COB_NMT, COB_SYNC, HOST_NODE_ID, Frame
 from steptwin.protocol.nmt import NmtCommand
@@ -474,8 +475,8 @@ def concerned(harm: Harm, boards: Sequence[int]) -> list[int]:
     What is done to a board concerns all axes on it.
     """
     axes = range(len(boards))
-    if isinstance(harm, AxisOperation):
+    if isinstance(harm, AxisHarm):
         return [harm.axis]
-    if isinstance(harm, Operation) and harm.place is not None:
+    if isinstance(harm, MachineHarm) and harm.place is not None:
         return [each for each in axes if boards[each] == boards[harm.place]]
     return list(axes)

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
+from steptwin.features.faults import NAME
 from steptwin.features.faults.reaction import Reaction
 from steptwin.host.client.words import state_text
-from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError
 from steptwin.protocol.cia402 import State
 
 
@@ -158,27 +158,7 @@ def _rounded(value: float | None) -> float | None:
     return None if value is None else round(value, 6)
 
 
-class NotBegunError(StepTwinError):
-    """No motion began.
-
-    Attributes:
-        scenario: what has become of the faults until then; its last reason says why no motion began.
-    """
-
-    scenario: ScenarioReport
-
-
-class SilentStartError(NotBegunError, BusError):
-    """No node answered the host."""
-
-
-class FaultyStartError(NotBegunError, DeviceFaultError):
-    """A drive was in fault, or refused what the host wanted."""
-
-
-def not_begun(error: BusError | DeviceFaultError, scenario: ScenarioReport) -> NotBegunError:
-    """Return the error for a motion that has not begun because of another error."""
-    kind = SilentStartError if isinstance(error, BusError) else FaultyStartError
-    made = kind(str(error)).plainly(error.plain)
-    made.scenario = scenario
-    return made
+def report_in(verdicts: Mapping[str, object]) -> ScenarioReport | None:
+    """Return the report of a scenario among the verdicts of a run; None without one."""
+    found = verdicts.get(NAME)
+    return found if isinstance(found, ScenarioReport) else None

@@ -1,52 +1,36 @@
 """Report a played scenario: when each fault was due and struck, what answered, and whether that is documented."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import inf
 from typing import Any
 
 from steptwin.features.faults.engine import Emergency, Engine, Played
 from steptwin.features.faults.judge import Answer, Judge, standstill_limit_ms, standstill_ms
+from steptwin.features.faults.moment import AxisMoment, Moment, moment_of
 from steptwin.features.faults.reaction import Motion, Reaction
 from steptwin.features.faults.reactions import documented
 from steptwin.features.faults.report import FaultReport, JointAnswer, ScenarioReport, Told
 from steptwin.features.faults.requests import request_of
-from steptwin.features.faults.target import AxisMoment, Moment
 from steptwin.features.faults.triggers import AtTime
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
-from steptwin.host.verify import Evidence
+from steptwin.host.twin.embedded.outcome import RunEnd
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
 
-@dataclass(frozen=True, slots=True)
-class RunEnd:
-    """How a run ended.
-
-    Attributes:
-        moment: what the axes did then.
-        evidence: the steps that the drivers counted.
-        stopped: whether the motion ended before its time.
-        ended_s: time of the motion at its end.
-        reasons: why the drivers' counts are not as planned; empty if they are, or if the motion stopped.
-    """
-
-    moment: Moment
-    evidence: Evidence
-    stopped: bool
-    ended_s: float
-    reasons: tuple[str, ...] = ()
-
-
 def scenario_report(engine: Engine, end: RunEnd) -> ScenarioReport:
-    """Report the scenario that an engine has played to the end of a run."""
-    faults = tuple(_fault_report(engine, each, end) for each in engine.played)
+    """Report the scenario that an engine has played to the end of a run, which is now."""
+    moment = moment_of(engine.target)
+    faults = tuple(_fault_report(engine, each, end, moment) for each in engine.played)
     reasons = [f"{fault.name}: {difference}" for fault in faults for difference in fault.differences]
     if not any(fault.reaction is not None and not fault.reaction.verified for fault in faults):
         reasons += end.reasons
     if end.stopped and not any(map(_may_stop, faults)):
         reasons.append("the motion stopped, and no fault of the scenario may stop it")
+    if end.not_begun:
+        reasons.append(end.not_begun)
     scenario = engine.scenario
     return ScenarioReport(scenario.name, scenario.seed, faults, tuple(reasons))
 
@@ -56,14 +40,16 @@ def _may_stop(fault: FaultReport) -> bool:
     return fault.reaction is not None and (fault.reaction.stops or not fault.reaction.certain)
 
 
-def _fault_report(engine: Engine, played: Played, end: RunEnd) -> FaultReport:
+def _fault_report(engine: Engine, played: Played, end: RunEnd, moment: Moment) -> FaultReport:
     facts, began = _facts(engine, played), played.began
     if began is None or not facts.struck:
-        return replace(facts, ended_s=None, emcys=(), differences=(f"never struck: {_why_never(engine, played, end)}",))
+        return replace(
+            facts, ended_s=None, emcys=(), differences=(f"never struck: {_why_never(engine, played, end, moment)}",)
+        )
     row = documented(played.harm, began)
     reaction = played.fault.expected or row.reaction
     limit_ms = _limit_ms(engine, played, reaction, began) if reaction.stops else None
-    answer = _answer(engine, reaction, began, end)
+    answer = _answer(engine, reaction, began, end, moment)
     judge = Judge(
         played,
         began,
@@ -108,7 +94,7 @@ def _limit_ms(engine: Engine, played: Played, reaction: Reaction, began: Moment)
     return standstill_limit_ms(engine.target.robot, played.harm, reaction, began) * (1 + slow_ppm / 1e6)
 
 
-def _answer(engine: Engine, reaction: Reaction, began: Moment, end: RunEnd) -> Answer:
+def _answer(engine: Engine, reaction: Reaction, began: Moment, end: RunEnd, moment: Moment) -> Answer:
     """Return what the machine did after a fault had begun."""
     emcys = answers(engine, began)
     late = [each for each in later_errors(engine, began) if each.code in reaction.codes]
@@ -117,7 +103,7 @@ def _answer(engine: Engine, reaction: Reaction, began: Moment, end: RunEnd) -> A
         emcys,
         late,
         standstill_ms(end.evidence, began.counts) if stopped else None,
-        _joints(engine.target.robot, engine.counted_from(began), end.moment),
+        _joints(engine.target.robot, engine.counted_from(began), moment),
     )
 
 
@@ -154,7 +140,7 @@ def _of_bus(code: int) -> bool:
     return bool(known) and ErrorCode(code).communication and not ErrorCode(code).lost_connection
 
 
-def _why_never(engine: Engine, played: Played, end: RunEnd) -> str:
+def _why_never(engine: Engine, played: Played, end: RunEnd, moment: Moment) -> str:
     trigger = played.fault.trigger
     if played.began is not None:
         return f"it began at {seconds(engine, played.began.counts):g} s, but has struck none of the frames sent since"
@@ -162,7 +148,7 @@ def _why_never(engine: Engine, played: Played, end: RunEnd) -> str:
     if not why and isinstance(trigger, AtTime):
         why = f"the motion ended at {end.ended_s:g} s, before at_s {trigger.at_s:g}"
         if trigger.from_power_up:
-            why = f"the run ended {end.moment.counts / COUNTS_PER_SECOND:g} s after power-up"
+            why = f"the run ended {moment.counts / COUNTS_PER_SECOND:g} s after power-up"
     return f"{trigger}: {why}"
 
 

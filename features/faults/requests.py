@@ -17,7 +17,7 @@ from steptwin.features.faults.kinds.host import HostFault
 from steptwin.features.faults.kinds.machine import SetInput
 from steptwin.host.common import numbers
 from steptwin.host.common.bad_input import prefixed, unknown
-from steptwin.host.common.choices import LEVELS, SWITCHES
+from steptwin.host.common.choices import LEVELS, STATE, SWITCHES
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Reading, Table
 from steptwin.protocol.cia402 import DigitalInput
@@ -102,8 +102,6 @@ def checked_identifier(key: str, value: object) -> int:
 
 DATA_BYTES_MAX: Final = 8
 """Longest data of a frame."""
-STATE: Final = "state"
-"""The request that does nothing: it asks how the machine is."""
 REQUESTS: Final[Mapping[str, type[Harm] | None]] = {**{harm.do: harm for harm in HARMS}, STATE: None}
 """What each request does, in the order of help and docs."""
 INJECTED: Final = tuple(do for do in REQUESTS if do != HostFault.do)
@@ -243,27 +241,9 @@ def _read_value(key: Key, table: Table, _name: str) -> Any:
 # --- the parts of a robot
 
 
-def switches_of(robot: "Robot", axis: int) -> dict[str, DigitalInput]:
-    """Return the switches that a joint has, by the names that requests give them."""
-    fitted = robot.axes[axis].switches.inputs
-    return {name: bit for name, bit in SWITCHES.items() if bit in fitted}
-
-
-def _wired(robot: "Robot") -> dict[str, tuple[int, DigitalInput]]:
-    from steptwin.host.operate.inputs_outputs import wired_inputs  # takes long to import, and help needs it not
-
-    return wired_inputs(robot)
-
-
-def wired_input(robot: "Robot", name: str) -> tuple[int, DigitalInput]:
-    """Return the axis and the bit of a robot's input; raise InputError for an unknown name."""
-    wired = _wired(robot)
-    if name not in wired:
-        raise unknown(f"input of {robot.name}", name, wired)
-    return wired[name]
-
-
 def _switch_of(robot: "Robot", joint: str, name: str) -> DigitalInput:
+    from steptwin.host.operate.inputs_outputs import switches_of  # takes long to import, and help needs it not
+
     fitted = switches_of(robot, robot.axis_index(joint))
     if name not in fitted:
         raise unknown(f"switch of {joint}", name, fitted)
@@ -288,6 +268,8 @@ def _meant(robot: "Robot", key: Key, values: Mapping[str, Any]) -> Any:
         case KeyKind.JOINT | KeyKind.STATION:
             return robot.axis_index(value)
         case KeyKind.INPUT:
+            from steptwin.host.operate.inputs_outputs import wired_input
+
             return wired_input(robot, value)
         case KeyKind.SWITCH:
             return _switch_of(robot, values["joint"], value)
@@ -370,7 +352,9 @@ def _told(robot: "Robot", harm: Harm, key: Key, value: Any) -> dict[str, Any]:
         case KeyKind.SWITCH:
             told = next(name for name, bit in SWITCHES.items() if bit == value)
         case KeyKind.INPUT:
-            wired = {place: name for name, place in _wired(robot).items()}
+            from steptwin.host.operate.inputs_outputs import wired_inputs
+
+            wired = {place: name for name, place in wired_inputs(robot).items()}
             told = wired.get((cast("SetInput", harm).axis, value))
         case KeyKind.FRAMES:
             ids = tuple(sorted(set(value)))

@@ -11,10 +11,11 @@ from steptwin.features.motors.turning.after_run import rotor_trace
 from steptwin.features.motors.turning.drives import check_described, motor_wiring
 from steptwin.features.motors.turning.driving import followed_ms
 from steptwin.features.motors.turning.figures import RotorFigures
+from steptwin.host.common.features import MachinePart
 from steptwin.host.robots.robot import Robot
 
 
-class MotorPart:
+class MotorPart(MachinePart):
     """The motors of one machine, from power-up on."""
 
     def __init__(self, robot: Robot, start_joints: Sequence[float], axes_per_board: Sequence[int]) -> None:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from steptwin.features.faults.kinds.bus import BusFault
-from steptwin.features.faults.kinds.harm import Operation
+from steptwin.features.faults.kinds.harm import MachineHarm
 from steptwin.features.faults.requests import read_request
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.choices import check_bitrate
@@ -28,7 +28,7 @@ class Operated(NamedTuple):
     """An operation on the machine, and its instant in counts since power-up; an axis is numbered among all boards'."""
 
     counts: int
-    operation: Operation
+    operation: MachineHarm
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,4 +139,4 @@ def _done(table: Table, robot: Robot) -> Operated | str | None:
     harm = read_request(robot, {key: value for key, value in table.values.items() if key != "at_s"})
     if isinstance(harm, BusFault):
         return f"{table.text('do')} at {at_s:g} s"
-    return Operated(round(at_s * COUNTS_PER_SECOND), harm) if isinstance(harm, Operation) else None
+    return Operated(round(at_s * COUNTS_PER_SECOND), harm) if isinstance(harm, MachineHarm) else None

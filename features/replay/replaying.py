@@ -17,9 +17,8 @@ from typing import Any, Final
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
 from steptwin.emulator.bus.can_bus import Log
 from steptwin.emulator.bus.can_timing import VALID_BEFORE_END_BITS, frame_bits
+from steptwin.emulator.operations import Scheduled
 from steptwin.emulator.simulation import Simulation
-from steptwin.features.faults.kinds import Scheduled
-from steptwin.features.faults.target import Places
 from steptwin.features.replay.differences import (
     Difference,
     first_difference_by_wall_clock,
@@ -37,6 +36,7 @@ from steptwin.host.record.recorded_bus import RecordedBus, RecordedFrame, Sender
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.live.recording_report import UnplannedRun
 from steptwin.host.twin.machine.emulated_machine import EmulatedMachine, MachineParts
+from steptwin.host.twin.machine.robot_boards import Places
 from steptwin.protocol.frame import COB_SDO_REQUEST, COB_SDO_RESPONSE, FIRST_NODE_ID, NODE_ID_MAX, Frame
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND, COUNTS_PER_US
 

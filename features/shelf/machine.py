@@ -16,6 +16,7 @@ from steptwin.features.shelf.section import Shelf
 from steptwin.features.shelf.watch import ShelfWatch, ShelfWiring
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import MachinePart
 from steptwin.host.operate.inputs_outputs import wired_inputs
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.chain import actual_chain
@@ -85,7 +86,7 @@ def shelf_part(
     return ShelfPart(wiring)
 
 
-class ShelfPart:
+class ShelfPart(MachinePart):
     """The shelf of one machine, from power-up on."""
 
     def __init__(self, wiring: ShelfWiring) -> None:
@@ -113,9 +114,6 @@ class ShelfPart:
         """Return what has happened up to the last look."""
         now = shelf_evidence(self._joined.shelf, dict(self._wiring.shelf.stock))
         return replace(now, events=(*self._past, *now.events))
-
-    def settled(self, _last_counts: int) -> None:
-        """A shelf has shown everything by then."""
 
     def end_round(self) -> None:
         """Forget all events but the last ones."""

@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from steptwin.emulator.operations import InputOperation
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.world.wires import InputWire, OutputWire
-from steptwin.features.faults.kinds.machine import SetInput
 from steptwin.features.shelf.moving_shelf import MovingShelf, Point, Sensed, ShelfConfig
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -97,9 +97,9 @@ class ShelfWatch:
     def _on(self, wire: OutputWire | None) -> bool:
         return wire is not None and bool(self._boards[wire.board].output_level(wire.axis, wire.pin))
 
-    def _sensor_changes(self) -> Iterator[tuple[int, SetInput]]:
+    def _sensor_changes(self) -> Iterator[tuple[int, InputOperation]]:
         before, self._seen = self._seen, self.shelf.sensed
         for name, wire in self._wiring.sensors.items():
             level = getattr(self._seen, name)
             if level != getattr(before, name):
-                yield wire.board, SetInput(wire.axis, wire.input, level)
+                yield wire.board, InputOperation(wire.axis, wire.input, level)

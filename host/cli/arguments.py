@@ -17,7 +17,7 @@ from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import giving
 from steptwin.host.common.planning_time import PLANNING_S, PlanningTimeError, plan_within
-from steptwin.host.twin.machine.machine_options import SPELLING, MachineOptions
+from steptwin.host.twin.machine.machine_options import SPELLING, MachineOptions, read_extras
 
 if TYPE_CHECKING:
     from steptwin.host.planning.programs.positions import Position
@@ -311,15 +311,15 @@ def check_standing(robot: "Robot", machine: MachineOptions) -> None:
 
 
 def machine_for(robot: "Robot", machine: MachineOptions) -> MachineOptions:
-    """Return the options with their scenario read; warn of settings of the robot's file that do not apply.
+    """Return the options with the files read that they name; warn of settings of the robot's file that do not apply.
 
     Raises:
-        InputError: the number of joints is wrong, no drivers have this name, or something is wrong in the scenario.
+        InputError: the number of joints is wrong, no drivers have this name, or something is wrong in a file.
     """
     from steptwin.host.twin.machine.drivers import settings_left_out
 
     check_standing(robot, machine)
-    scenario = machine.scenario_for(robot)
+    extras = read_extras(machine.extras, robot)
     if keys := settings_left_out(robot, machine.driver_profile):
         warn(f"--driver-profile {machine.driver_profile}: has its usual settings, not the robot's {', '.join(keys)}")
-    return replace(machine, scenario=scenario)
+    return replace(machine, extras=extras)

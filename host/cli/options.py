@@ -6,7 +6,7 @@ option a field. The fields of the emulated machine's options have spellings, fro
 """
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from inspect import Parameter, Signature, signature
@@ -126,9 +126,9 @@ def of_features(attribute: str) -> Any:
 
 
 class Without(NamedTuple):
-    """Mark of a group, in `Annotated`: fields that are no options here and keep their defaults.
+    """Mark of a group, in `Annotated`: fields without options here, and features without any.
 
-    Nor are those that are for served boards only.
+    Options that are for served boards only have none either.
     """
 
     names: tuple[str, ...]
@@ -155,22 +155,31 @@ class _Group:
         if not isinstance(made, type) or not is_dataclass(made):
             return None
         members = (each for each in fields(made) if each.name not in without and _is_option(each, served=served))
-        return cls.made_of(members, made, served=served)
+        return cls.made_of(members, made, without, served=served)
 
     @classmethod
-    def made_of(cls, members: Iterable[Field[Any]], make: Callable[..., Any], *, served: bool = True) -> "_Group":
+    def made_of(
+        cls,
+        members: Iterable[Field[Any]],
+        make: Callable[..., Any],
+        without: Collection[str] = (),
+        *,
+        served: bool = True,
+    ) -> "_Group":
         """Return the group of these fields; a class or a function makes its object of them."""
-        found = {each.name: (each, cls._of_features(each, served=served) or cls.of(each.type)) for each in members}
+        found = {
+            each.name: (each, cls._of_features(each, without, served=served) or cls.of(each.type)) for each in members
+        }
         own = {name: each for name, (each, group) in found.items() if group is None}
         return cls(make, own, {name: group for name, (_, group) in found.items() if group})
 
     @classmethod
-    def _of_features(cls, member: Field[Any], *, served: bool) -> "_Group | None":
+    def _of_features(cls, member: Field[Any], without: Collection[str], *, served: bool) -> "_Group | None":
         """Return the group of the options that features give for a field; None for a field of another kind."""
         if OF_FEATURES not in member.metadata:
             return None
-        attribute = member.metadata[OF_FEATURES]
-        inner = {feature.name: cls.of(made(), served=served) for feature, made in giving(attribute)}
+        given = giving(member.metadata[OF_FEATURES])
+        inner = {feature.name: cls.of(made(), served=served) for feature, made in given if feature.name not in without}
         return cls(lambda **made: tuple(made.values()), {}, {name: group for name, group in inner.items() if group})
 
     def options(self) -> Iterator[Field[Any]]:

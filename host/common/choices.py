@@ -52,3 +52,6 @@ SWITCHES: Final = {
     "home": DigitalInput.HOME,
 }
 """The switches along a joint by the names that requests give them."""
+
+STATE: Final = "state"
+"""The request of the control port that does nothing: it asks how the machine is."""

@@ -7,11 +7,19 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from re import Pattern
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol
+
+from steptwin.host.common.file_limits import PROGRAM_BYTES_MAX
 
 if TYPE_CHECKING:
     from steptwin.controller.motion.backend import Kernel
+    from steptwin.emulator.operations import Operation
     from steptwin.emulator.simulation import Participant, Simulation
+    from steptwin.host.cli.arguments import CheckedFile
+    from steptwin.host.common.errors import BusError
+    from steptwin.host.common.findings import Findings
     from steptwin.host.common.tables import Reading, Table
     from steptwin.host.planning.drives import DriveLimits
     from steptwin.host.planning.jobs.job import Job
@@ -21,6 +29,11 @@ if TYPE_CHECKING:
     from steptwin.host.planning.trajectory import Trajectory
     from steptwin.host.robots.kinematics.kinds import Kind
     from steptwin.host.robots.robot import Robot
+    from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
+    from steptwin.host.twin.embedded.embedded_network import EmbeddedNetwork
+    from steptwin.host.twin.embedded.outcome import RunEnd, RunFault, RunVerdict
+    from steptwin.host.twin.live.live_board import LiveBoard
+    from steptwin.host.twin.machine.emulated_machine import EmulatedMachine
     from steptwin.host.twin.machine.machine_options import MachineOptions
     from steptwin.host.verify.comparison import Comparison
     from steptwin.protocol.drivers import DriverProfile
@@ -36,31 +49,54 @@ class RobotSection(Protocol):
         ...
 
 
-class MachinePart(Protocol):
-    """A feature's part of one emulated machine, from power-up on."""
+class MachinePart:
+    """A feature's part of one emulated machine, from power-up on; it overrides what concerns it.
 
-    def join(self, simulation: "Simulation") -> "Participant":
-        """Return its participant of a simulation whose boards have no power yet."""
-        ...
+    `EmulatedMachine` calls `join` and `switched_on`; `EmbeddedBoard`, which is in virtual time, and its runs `network`,
+    `outlive` and `verdict`; `LiveBoard`, which is in real time, `check_live` and `end_round`. The feature's judge is
+    given `evidence`, in a live report `seen`; reports without a judgement have `document` and `in_words`.
+    """
+
+    def join(self, simulation: "Simulation") -> "Participant | None":
+        """Return its participant of a simulation whose boards have no power yet; None if it has none."""
+
+    def switched_on(self, machine: "EmulatedMachine") -> None:
+        """Begin: the boards have just been switched on; raise InputError for what the machine does not have."""
+
+    def check_live(self) -> None:
+        """Raise InputError for what cannot happen to a board in real time, whose hosts are programs of their own."""
+
+    def network(self) -> "EmbeddedNetwork | None":
+        """Return the network by which a host in this process is connected to the bus; None for the usual one."""
+
+    def outlive(self, board: "EmbeddedBoard", error: "BusError") -> "RunFault | None":
+        """Let a machine in motion go on without its host, if the part has ended that; return how the run has ended."""
 
     def evidence(self) -> Any:
-        """Look now; return what has happened since power-up; None if that is judged only when a run has ended."""
-        ...
+        """Look now; return what has happened since power-up; None for nothing, or if a run's end decides."""
 
     def seen(self) -> Any:
-        """Return what has happened up to the last look."""
-        ...
+        """Return what has happened up to the last look; None for nothing."""
 
     def settled(self, last_counts: int) -> Any:
         """Return what shows only some time after a run's last edge, which was at an instant; None if nothing does.
 
-        Boards and bus stand still meanwhile. No scenario of faults excuses what it shows.
+        Boards and bus stand still meanwhile. What another feature has done to the run does not excuse what it shows.
         """
-        ...
 
     def end_round(self) -> None:
         """Forget what a board that is served for months need not remember."""
-        ...
+
+    def document(self) -> Mapping[str, Any]:
+        """Return what has happened so far under keys of report.json, without a judgement."""
+        return {}
+
+    def in_words(self) -> str:
+        """Return what has happened so far in lines, for the report of a failed test; empty if there is nothing."""
+        return ""
+
+    def verdict(self, end: "RunEnd") -> "RunVerdict | None":
+        """Judge a run that ends now by what the part has done to it; None if it has done nothing."""
 
 
 class FeatureJudge(Protocol):
@@ -120,6 +156,60 @@ class DriveModel(Protocol):
 
     def highest_speed(self, plan: "Plan", percent: int) -> "HighestSpeed | None":
         """Return the highest speed up to a percentage that the drives hold; None if they are not described."""
+
+
+class ControlRequests(Protocol):
+    """A feature's requests of the control port, by which programs operate the machine of a served board."""
+
+    @property
+    def names(self) -> Sequence[str]:
+        """The values of their key `do`, in the order of help and docs."""
+        ...
+
+    def answer(self, board: "LiveBoard", request: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Do what is requested; return what is told beside the machine's state.
+
+        Raises:
+            InputError: the request has other keys or values, or the machine lacks what it concerns.
+        """
+        ...
+
+    def written(self, robot: "Robot", operation: "Operation") -> Mapping[str, Any] | None:
+        """Return the request that asks for an operation; None if there is none."""
+        ...
+
+
+class FileKind(NamedTuple):
+    """A kind of file that `steptwin check` knows.
+
+    Attributes:
+        name: what it is, in a word.
+        keys: keys by which it is known: a file of this kind has any of them.
+        check: checks a text, from the file's path, the text, the robot given, and the list for what is wrong.
+        bytes_max: greatest length.
+        mark: what the text of a file has that may be longer than a program; None if none may.
+    """
+
+    name: str
+    keys: Sequence[str]
+    check: "Callable[[str, str, str | None, Findings], CheckedFile]"
+    bytes_max: int = PROGRAM_BYTES_MAX
+    mark: Pattern[str] | None = None
+
+
+class Telling(Protocol):
+    """Prints what a feature's keys of a document say; of a document without them it prints nothing."""
+
+    def print_run(self, document: Mapping[str, Any]) -> None:
+        """Print it for a run in virtual time."""
+        ...
+
+    def print_served(self, document: Mapping[str, Any]) -> None:
+        """Print it for a served board."""
+        ...
+
+    def served_failure(self, document: Mapping[str, Any]) -> str:
+        """Return why a served board's end is no success; empty if it is one."""
         ...
 
 
@@ -170,6 +260,8 @@ class Feature:
         machine_warnings: returns warnings about a machine before it is operated, from robot, drivers and options.
         machine_options: returns the class of its options of an emulated machine: a frozen dataclass whose fields have
             spellings, with a method `over` as that of `MachineOptions`.
+        read_options: returns such options with the files read that they name, from options, robot and the folder where
+            relative paths begin; raises InputError for what is wrong in them.
         replayed: returns such options from a stored report; None if the run had none.
         kernels: returns what makes its forms of the firmware's kernel, by name; they raise InputError if they cannot.
         part: returns its part of a machine from robot, joints at power-up, axes of each board, options and the inputs
@@ -178,9 +270,12 @@ class Feature:
         judge: returns the judge of its evidence.
         live: returns what it says of a served board.
         drive_model: returns what it knows of drives, for planning; the first feature that has one is asked.
+        requests: returns its requests of the control port.
+        file_kinds: returns the kinds of its files for `steptwin check`.
         run_options: returns a dataclass of options of `steptwin run`: a `RunHook`.
         verify_options: returns a dataclass of options of `steptwin verify`: an `OtherEvidence`.
         new_options: returns a dataclass of options of `steptwin new`: a `RobotSource`.
+        telling: returns what prints its keys of documents.
         report_lines: returns lines of text for its part of a run's document.
         commands: its commands.
     """
@@ -201,6 +296,7 @@ class Feature:
     check_machine: "Callable[[MachineOptions, Any, bool], None] | None" = None
     machine_warnings: "Callable[[Robot, DriverProfile, Any], Iterable[str]] | None" = None
     machine_options: Callable[[], type[Any]] | None = None
+    read_options: "Callable[[Any, Robot, Path], Any] | None" = None
     replayed: "Callable[[Table], Any] | None" = None
     kernels: "Callable[[], Mapping[str, Callable[[], Kernel]]] | None" = None
     part: MakePart | None = None
@@ -208,9 +304,12 @@ class Feature:
     judge: "Callable[[], FeatureJudge] | None" = None
     live: Callable[[], LiveWords] | None = None
     drive_model: Callable[[], DriveModel] | None = None
+    requests: Callable[[], ControlRequests] | None = None
+    file_kinds: Callable[[], Sequence[FileKind]] | None = None
     run_options: Callable[[], type[Any]] | None = None
     verify_options: Callable[[], type[Any]] | None = None
     new_options: Callable[[], type[Any]] | None = None
+    telling: Callable[[], Telling] | None = None
     report_lines: Callable[[Mapping[str, Any]], Iterable[str]] | None = None
     commands: Sequence[CommandRow] = ()
 

@@ -10,6 +10,7 @@ import numpy as np
 from steptwin.host.client import InputWait, OutputCommand, StreamedMotion
 from steptwin.host.client.waits import HOLD_MS
 from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.choices import SWITCHES
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.session import Session
 from steptwin.host.planning.motions.held import Hold
@@ -71,6 +72,20 @@ def wired_inputs(robot: Robot) -> dict[str, tuple[int, DigitalInput]]:
         name: (robot.axis_index(sensor.joint), GENERAL_INPUTS[sensor.input - 1])
         for name, sensor in robot.inputs.items()
     }
+
+
+def wired_input(robot: Robot, name: str) -> tuple[int, DigitalInput]:
+    """Return the axis and the bit of a robot's input; raise InputError for an unknown name."""
+    wired = wired_inputs(robot)
+    if name not in wired:
+        raise unknown(f"input of {robot.name}", name, wired)
+    return wired[name]
+
+
+def switches_of(robot: Robot, axis: int) -> dict[str, DigitalInput]:
+    """Return the switches that a joint has, by the names that requests give them."""
+    fitted = robot.axes[axis].switches.inputs
+    return {name: bit for name, bit in SWITCHES.items() if bit in fitted}
 
 
 def read_inputs(session: Session) -> dict[str, bool]:

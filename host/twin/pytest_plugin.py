@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pluggy import Result
 
     from steptwin.controller.motion.backend import Kernel
-    from steptwin.features.faults.kinds import Scheduled
+    from steptwin.emulator.operations import Scheduled
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.board_under_test import BoardUnderTest, ServedBoardUnderTest
     from steptwin.host.twin.machine.machine_options import MachineKeywords
@@ -71,7 +71,7 @@ def steptwin_make_board(
         robot: the robot's name, or the path of a robot file from pytest's root directory; else the ini-file's robot.
         schedule: operations on the machine beside its motion, each with its instant.
         machine: how the machine differs from the robot's file, and what happens to it: the fields of `MachineOptions`;
-            a scenario's path begins at pytest's root directory.
+            relative paths begin at pytest's root directory.
     """
     from steptwin.host.common.errors import InputError
     from steptwin.host.twin.board_under_test import BoardUnderTest, machine_warnings
@@ -88,12 +88,9 @@ def steptwin_make_board(
         schedule = list(schedule) if isinstance(schedule, Iterator) else schedule
         try:
             check_board({"robot": robot, "schedule": schedule, **machine})
-            board = BoardUnderTest(
-                _robot(robot or request.config.getini(_INI), request.config),
-                kernel=steptwin_kernel,
-                schedule=schedule,
-                **_from_root(machine, request.config),
-            )
+            loaded = _robot(robot or request.config.getini(_INI), request.config)
+            options = _from_root(machine, loaded, request.config)
+            board = BoardUnderTest(loaded, kernel=steptwin_kernel, schedule=schedule, **options)
         except InputError as error:
             pytest.fail(f"steptwin: {error}", pytrace=False)
         boards.append(board)
@@ -109,10 +106,10 @@ def steptwin_make_board(
 
 def _tell(node: pytest.Item, board: "BoardUnderTest") -> None:
     """Add to the test's report what a board has seen."""
-    from steptwin.host.twin.board_under_test import last_frames, scenario_faults, strikes
+    from steptwin.host.twin.board_under_test import last_frames, parts_in_words, strikes
 
     sections = {"bus": last_frames(board.robot, board.bus_log), "faults of the bus": strikes(board)}
-    _add(node, sections | {"faults": scenario_faults(board), "settings": "\n".join(map(str, board.mismatches()))})
+    _add(node, sections | parts_in_words(board) | {"settings": "\n".join(map(str, board.mismatches()))})
 
 
 def _keep(node: pytest.Item, saves: "Sequence[Callable[[Path], None]]", artefacts: Path) -> None:
@@ -171,7 +168,7 @@ def steptwin_served_board(
         check_served_board(settings)
         robot = _robot(settings.pop("robot", "") or config.getini(_INI), config)
         folder = tmp_path_factory.mktemp("served")
-        board = ServedBoardUnderTest(robot, folder, kernel=steptwin_kernel, **_from_root(settings, config))
+        board = ServedBoardUnderTest(robot, folder, kernel=steptwin_kernel, **_from_root(settings, robot, config))
     except StepTwinError as error:
         pytest.fail(f"steptwin: {error}", pytrace=False)
     yield board
@@ -197,10 +194,13 @@ def _settings(node: pytest.Item) -> dict[str, Any]:
     return settings
 
 
-def _from_root(machine: Mapping[str, Any], config: pytest.Config) -> "MachineKeywords":
-    """Return a machine's options; the paths of scenario, firmware and EDS count from pytest's root directory."""
-    paths = {name: machine.get(name) for name in ("scenario", "firmware")}
-    placed: dict[str, Any] = {name: config.rootpath / path for name, path in paths.items() if isinstance(path, str)}
+def _from_root(machine: Mapping[str, Any], robot: "Robot", config: pytest.Config) -> "MachineKeywords":
+    """Return a machine's options with the files of features read; relative paths begin at pytest's root directory."""
+    from steptwin.host.twin.machine.machine_options import read_extras
+
+    placed: dict[str, Any] = {"extras": read_extras(machine.get("extras", ()), robot, config.rootpath)}
+    if isinstance(firmware := machine.get("firmware"), str):
+        placed["firmware"] = config.rootpath / firmware
     if nodes := machine.get("nodes"):
         placed["nodes"] = {node_id: config.rootpath / path for node_id, path in nodes.items()}
     return cast("MachineKeywords", {**machine, **placed})

@@ -1,21 +1,19 @@
 """No value, key or name in a file of a user's ends in a traceback: it is refused in lines that name it, or taken."""
 
 import re
-import tomllib
 from collections.abc import Callable
-from itertools import islice
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import pytest
 
-from steptwin.host.cli.run.check import check_program, check_scenario
+from steptwin.host.cli.run.check import check_program
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import features
 from steptwin.host.common.findings import Findings
 from steptwin.host.robots import brought_text, read_robot
 from tests.host.robots.coupled import coupled_text
-from tests.junk import junk_documents, toml_of
+from tests.junk import check_junk
 
 DOCS: Final = Path(__file__).parents[2] / "docs"
 EVENING: Final = re.compile(r"<!-- evening -->\n```toml\n(.*?)```", re.DOTALL)
@@ -28,12 +26,8 @@ def _campaign(text: str) -> None:
     parse_campaign(Sources("campaign.toml", text, folder=Path("no-such-folder")))
 
 
-def _scenario(text: str) -> None:
-    check_scenario(text, "teaching-scara", Findings())
-
-
 def _program(text: str) -> None:
-    check_program(DOCS / "programs", text, None, Findings())
+    check_program(str(DOCS / "programs" / "own.toml"), text, None, Findings())
 
 
 def _small() -> str:
@@ -51,7 +45,6 @@ def _evening() -> str:
 KINDS: Final[dict[str, tuple[Callable[[], str], Callable[[str], object], int]]] = {
     "robot": (lambda: brought_text("warehouse-scara"), read_robot, 37),
     "coupled robot": (coupled_text, read_robot, 37),
-    "scenario": (lambda: (DOCS / "examples/faults/carry.toml").read_text(encoding="utf-8"), _scenario, 5),
     "program": (lambda: (DOCS / "programs/teaching-scara.toml").read_text(encoding="utf-8"), _program, 47),
 }
 """Each kind of file: a valid one, who reads it, and which part of all junk is tried: one of so many."""
@@ -69,18 +62,7 @@ if "campaigns" in features():
 )
 def test_junk_in_a_file_is_refused_in_lines_or_taken(kind: str, sparser: int) -> None:
     text, read, stride = KINDS[kind]
-    document: dict[str, Any] = tomllib.loads(text())
-    read(toml_of(document))
-    for change, changed in islice(junk_documents(document), 0, None, stride * sparser):
-        try:
-            read(toml_of(changed()))
-        except InputError as error:
-            told = error.messages
-        except Exception as error:
-            pytest.fail(f"{change}: {type(error).__name__}: {error}")
-        else:
-            continue
-        assert all(message and "\n" not in message and "\x1b" not in message for message in told), change
+    check_junk(text(), read, stride * sparser)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import RunDir
 from steptwin.host.cli.output import print_table
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import MachinePart
 from steptwin.host.common.tables import Table
 
 EVERY_COUNTS, UNITS_PER_TURN = 72_000_000 // 100, 200 * 16_384  # a look each 10 ms; full steps in wire units
@@ -33,7 +34,7 @@ class WearSection:
 
 
 @dataclass
-class WearPart:
+class WearPart(MachinePart):
     """Adds up the turns of all motors of a machine: part and participant in one."""
 
     robot: Any
@@ -60,9 +61,6 @@ class WearPart:
 
     seen = evidence
 
-    def end_round(self) -> None:
-        """Forget nothing: sums do not grow."""
-
 
 def reasons(evidence: dict[str, Any], expected: None, start_counts: int) -> list[str]:
     worn = (axis for axis, turns in evidence["turns"].items() if turns > evidence["life_turns"])
@@ -78,7 +76,7 @@ def contradictions(evidence: dict[str, Any], comparison: Any) -> Iterable[str]:
     return ()  # the drivers' counts tell where an axis ends, not how far it went
 
 
-def stored(evidence: dict[str, Any], expected: None) -> dict[str, Any]:
+def stored(evidence: dict[str, Any], expected: None, start_counts: int) -> dict[str, Any]:
     return evidence
 
 

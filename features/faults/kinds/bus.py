@@ -3,45 +3,32 @@
 Which frames a fault strikes and how often is data: equal faults and seeds give equal strikes.
 """
 
-from collections.abc import Callable, Collection, Container, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
-from random import Random
-from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
-from steptwin.features.faults.kinds.harm import JOINT, Harm, Key, KeyKind, Operation, keyed
+from steptwin.emulator.bus.frame_filter import StrikeEffect
+from steptwin.emulator.operations import Consequence, Operation
+from steptwin.features.faults.kinds.harm import JOINT, Harm, Key, KeyKind, MachineHarm, keyed
+from steptwin.host.common.errors import InputError
 from steptwin.protocol.frame import BITRATES, COB_ID_MASK, Frame
-from steptwin.protocol.timer import COUNTS_PER_SECOND
+from steptwin.protocol.timer import COUNTS_PER_SECOND, COUNTS_PER_US
 
 if TYPE_CHECKING:
+    from steptwin.emulator.board.surroundings import Surroundings
     from steptwin.emulator.simulation import Simulation
-    from steptwin.features.faults.kinds.harm import Surroundings
 
 DELAY_MAX_S: Final = 86_400.0
 """Longest time by which frames are delayed: a day."""
 _OPTIONAL_COUNT: Final = Key("count", KeyKind.WHOLE, "N", least=0, optional=True)
 
 
-class StrikeEffect(NamedTuple):
-    """What a strike does to an attempt to send; the bus carries it out.
-
-    Attributes:
-        hold_counts: time that the senders wait before they try again; 0 for none.
-        sender_off: the senders go into bus-off.
-        disturbed: the frame is disturbed before its receivers have it.
-        doubled: the frame is disturbed when its receivers have it.
-        lost_by: places of the stations on the bus that do not receive the frame.
-    """
-
-    hold_counts: int = 0
-    sender_off: bool = False
-    disturbed: bool = False
-    doubled: bool = False
-    lost_by: slice = slice(0)
-
-
 @dataclass(frozen=True, slots=True)
 class BusFault(Harm):
     """A fault that strikes the attempts to send which fulfil all its conditions, from its beginning to its end.
+
+    It is the bus' `FrameFilter`.
 
     Attributes:
         cob_ids: identifiers of the frames that it may strike.
@@ -49,6 +36,8 @@ class BusFault(Harm):
         skip: number of attempts that it lets pass first.
         count: greatest number of strikes; None for no limit.
     """
+
+    once: ClassVar[bool] = True
 
     cob_ids: Collection[int] = field(
         default=range(COB_ID_MASK + 1),
@@ -69,10 +58,10 @@ class BusFault(Harm):
 
     def apply(self, simulation: "Simulation", _number: int) -> None:
         """Let it strike from now on, until the bus ends it."""
-        simulation.bus.faults.begin(self)
+        simulation.bus.filters.begin(self)
 
     def why_endless(self) -> None:
-        """Return None: `Bus.end_fault` ends it."""
+        """Return None: `Bus.end_filter` ends it."""
 
     @classmethod
     def ends_by(cls, values: Mapping[str, Any]) -> str:
@@ -93,6 +82,12 @@ class FrameLoss(BusFault):
     does: ClassVar[str] = "frames are acknowledged and do not arrive"
 
     receiver: int | None = field(default=None, metadata=keyed(replace(_OPTIONAL_COUNT, name="receiver")))
+
+    def check(self, simulation: "Simulation", _number: int) -> None:
+        """Raise InputError unless there is such a receiver."""
+        boards = len(simulation.boards)
+        if self.receiver is not None and self.receiver > boards:
+            raise InputError(f"receiver: {self.receiver} is not from 0 to {boards}, the number of boards")
 
     def effect(self) -> StrikeEffect:
         """Let the frame not arrive."""
@@ -155,85 +150,25 @@ class SenderOff(BusFault):
         return StrikeEffect(sender_off=True)
 
 
-class Strike(NamedTuple):
-    """One strike of a fault of the bus: its instant since power-up, the fault, and the frame that it struck."""
-
-    counts: int
-    fault: BusFault
-    frame: Frame
-
-
-@dataclass(slots=True)
-class _InForce:
-    """A fault that may strike, how many attempts it has concerned, and how often it has struck."""
-
-    fault: BusFault
-    concerned: int = 0
-    strikes: int = 0
-
-
-class FaultsInForce:
-    """The faults that may strike on a bus now, tried in the order of their beginnings, and what they have struck."""
-
-    def __init__(self) -> None:
-        """Begin without faults; `reseed` sets the seed of those that strike at random."""
-        self.struck: list[Strike] = []
-        """Every strike, in order of time."""
-        self.on_strike: Callable[[Strike], None] = lambda _strike: None
-        """Called at each strike."""
-        self.in_force: list[_InForce] = []
-        self._random = Random(0)
-
-    def begin(self, fault: BusFault) -> None:
-        """Try a further fault from now on, after those that are there."""
-        self.in_force.append(_InForce(fault))
-
-    def end(self, fault: BusFault) -> None:
-        """Try this very fault no more; one that is not there, or an equal one, changes nothing."""
-        self.in_force = [each for each in self.in_force if each.fault is not fault]
-
-    def end_all(self) -> None:
-        """Try no fault any more."""
-        self.in_force = []
-
-    def reseed(self, seed: int) -> None:
-        """Draw from another seed from now on."""
-        self._random = Random(seed)
-
-    def strike(self, frame: Frame, now_counts: int, had: Container[type[BusFault]] = ()) -> BusFault | None:
-        """Return the fault that strikes an attempt to send, or None: none of the types that the frame has had."""
-        for each in self.in_force:
-            if type(each.fault) not in had and frame.cob_id in each.fault.cob_ids and self._chosen(each):
-                self.struck.append(Strike(now_counts, each.fault, frame))
-                self.on_strike(self.struck[-1])
-                return each.fault
-        return None
-
-    def _chosen(self, each: _InForce) -> bool:
-        fault = each.fault
-        each.concerned += 1
-        if each.concerned <= fault.skip or each.strikes == fault.count:
-            return False
-        if fault.rate < 1 and self._random.random() >= fault.rate:
-            return False
-        each.strikes += 1
-        return True
-
-
 @dataclass(frozen=True, slots=True)
 class BusRepair(Harm):
     """All faults of the bus end, and a stranger's babble."""
 
     do: ClassVar[str] = "bus-ok"
     does: ClassVar[str] = "all faults of the bus end, and so does babble; the host has the boards' bit rate"
+    once: ClassVar[bool] = True
 
     def apply(self, simulation: "Simulation", _number: int) -> None:
-        """End them now."""
-        simulation.repair_bus()
+        """End them now; let the host have the first board's bit rate."""
+        simulation.bus.end_filters(simulation.now_counts)
+        simulation.cancel(_babbles)
+        bitrate = simulation.boards[0].can.bitrate
+        if bitrate is not None and bitrate != simulation.bus.host_bitrate:
+            simulation.operate(HostBitRate(bitrate))
 
 
 @dataclass(frozen=True, slots=True)
-class BusOff(Operation):
+class BusOff(MachineHarm):
     """A CAN controller leaves the bus, as after too many errors, and returns after the recessive bits that it needs.
 
     Attributes:
@@ -253,7 +188,7 @@ class BusOff(Operation):
 
 
 @dataclass(frozen=True, slots=True)
-class HostBitRate(Operation):
+class HostBitRate(MachineHarm):
     """The host's adapter is opened with another bit rate: the boards that have none of it take its frames for errors.
 
     Attributes:
@@ -284,7 +219,7 @@ _FRAME: Final = keyed(Key("id", KeyKind.IDENTIFIER), Key("data", KeyKind.BYTES),
 
 
 @dataclass(frozen=True, slots=True)
-class StrangerSends(Operation):
+class StrangerSends(MachineHarm):
     """A station that is no part of the machine, such as a second master, sends a frame."""
 
     do: ClassVar[str] = "stranger"
@@ -302,10 +237,12 @@ BABBLE_US: Final = 47, 10_000_000
 """From the duration of the shortest frame at 1 Mbit/s, which fills the bus, to 10 s."""
 BABBLE_COUNT_MAX: Final = 1_000_000
 """Most frames of a babble: 47 s of a full bus."""
+_BABBLE_AHEAD: Final = 2
+"""Frames that the station has waiting, so that it always has one for the next arbitration."""
 
 
 @dataclass(frozen=True, slots=True)
-class Babble(Operation):
+class Babble(MachineHarm):
     """The stranger sends a frame again and again, also before the one before it has found its way.
 
     Attributes:
@@ -324,7 +261,14 @@ class Babble(Operation):
 
     def apply(self, simulation: "Simulation", number: int) -> None:
         """Send the frame unless two wait, and again a period later; end what has begun if it is not to be sent."""
-        simulation.babble(self, number)
+        if not self.count:
+            simulation.cancel(partial(_babbles, frame=self.frame))
+            return
+        if simulation.stranger.waiting < _BABBLE_AHEAD:
+            simulation.stranger.send(self.frame, simulation.now_counts)
+        if self.count > 1:
+            next_counts = simulation.now_counts + self.period_us * COUNTS_PER_US
+            simulation.schedule([Consequence(next_counts, replace(self, count=self.count - 1), number)])
 
     def undo(self, _before: object) -> "Babble":
         """Return the end of it."""
@@ -334,6 +278,11 @@ class Babble(Operation):
     def ends_by(cls, values: Mapping[str, Any]) -> str | None:
         """Return what ends it."""
         return f"{values['period_us'] * values['count'] / 1e6:g} s or `{BusRepair.do}`" if values["count"] else None
+
+
+def _babbles(operation: Operation, frame: Frame | None = None) -> bool:
+    """Return whether an operation is a babble of this frame; None: of any."""
+    return isinstance(operation, Babble) and frame in (None, operation.frame)
 
 
 BUS: Final = (

@@ -4,25 +4,38 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
-from steptwin.features.faults.kinds.harm import AxisOperation, Key, KeyKind, keyed
+from steptwin.features.faults.kinds.harm import AxisHarm, Key, KeyKind, keyed
+from steptwin.host.common.errors import InputError
+from steptwin.protocol.drivers import ChipSheet, one_of
 from steptwin.protocol.od import MICROSTEPS_CHOICES
 
 if TYPE_CHECKING:
     from steptwin.emulator.board.board import Board
-    from steptwin.features.faults.kinds.harm import Surroundings
+    from steptwin.emulator.board.surroundings import Surroundings
+    from steptwin.emulator.simulation import Simulation
 
 OSC_MIN_PF: Final = 64
 """Smallest capacitor at OSC, in whole pF, with which the chip's oscillator keeps to its limit."""
 
 
+def _chip(simulation: "Simulation", number: int, axis: int) -> ChipSheet:
+    return simulation.boards[number].drivers.drivers[axis].module.chip
+
+
 @dataclass(frozen=True, slots=True)
-class DriverProtect(AxisOperation):
+class DriverProtect(AxisHarm):
     """A driver's Protect pin is held low from outside, as a chip in thermal shutdown does itself, or released."""
 
     do: ClassVar[str] = "protect"
     does: ClassVar[str] = "the Protect pin of a driver is held low, as by a chip that is too hot, or released"
 
     active: bool = field(metadata=keyed(Key("held", KeyKind.TRUTH)))
+
+    def check(self, simulation: "Simulation", number: int) -> None:
+        """Raise InputError unless the driver's chip has such a pin."""
+        chip = _chip(simulation, number, self.axis)
+        if chip.fault_output is None:
+            raise InputError(f"{chip.name} has no pin that tells of a fault; a TB6560, a DRV8825 and Trinamic's have")
 
     def apply_to(self, board: "Board", _now_counts: int) -> None:
         """Hold the pin, or release it."""
@@ -34,7 +47,7 @@ class DriverProtect(AxisOperation):
 
 
 @dataclass(frozen=True, slots=True)
-class DriverMode(AxisOperation):
+class DriverMode(AxisHarm):
     """A driver gets another microstep mode, by its switches or by the chip's pins M1 and M2.
 
     Attributes:
@@ -57,6 +70,16 @@ class DriverMode(AxisOperation):
         if self.microsteps is not None and self.microsteps not in MICROSTEPS_CHOICES:
             raise ValueError(f"microsteps {self.microsteps} is not one of {', '.join(map(str, MICROSTEPS_CHOICES))}")
 
+    def check(self, simulation: "Simulation", number: int) -> None:
+        """Raise InputError unless the driver's chip has the mode."""
+        if self.microsteps is None:
+            return
+        chip = _chip(simulation, number, self.axis)
+        try:
+            one_of(self.microsteps, chip.microsteps, f"{chip.name}'s")
+        except ValueError as error:
+            raise InputError(f"microsteps: {error}") from error
+
     def apply_to(self, board: "Board", _now_counts: int) -> None:
         """Set the mode at the start of the next tick."""
         board.set_driver_mode(self.axis, self.microsteps)
@@ -67,7 +90,7 @@ class DriverMode(AxisOperation):
 
 
 @dataclass(frozen=True, slots=True)
-class OscCapacitor(AxisOperation):
+class OscCapacitor(AxisHarm):
     """The capacitor at a driver chip's OSC pin has another value, as one that has aged or is the wrong one.
 
     It sets the chopping rate and the shortest pulse that counts.
@@ -80,6 +103,12 @@ class OscCapacitor(AxisOperation):
 
     osc_pf: float = field(metadata=keyed(Key("osc_pf", KeyKind.NUMBER, "PF", OSC_MIN_PF, 1e6, "pF")))
 
+    def check(self, simulation: "Simulation", number: int) -> None:
+        """Raise InputError unless the driver's chip has such a capacitor."""
+        chip = _chip(simulation, number, self.axis)
+        if chip.oscillator is None:
+            raise InputError(f"{chip.name} has no capacitor at OSC; a TB6560 has")
+
     def apply_to(self, board: "Board", _now_counts: int) -> None:
         """Exchange the capacitor at the start of the next tick."""
         board.drain()
@@ -87,7 +116,7 @@ class OscCapacitor(AxisOperation):
 
 
 @dataclass(frozen=True, slots=True)
-class ShortCircuit(AxisOperation):
+class ShortCircuit(AxisHarm):
     """A motor is short-circuited, from one phase to the other or to ground, or whole again.
 
     A driver with a protection switches itself off as soon as current flows, until what its source says; another one is

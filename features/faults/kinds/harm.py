@@ -6,16 +6,13 @@ and the docs read nothing else. So a new harm is one dataclass in this folder, a
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from enum import Enum, auto
 from math import inf
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
+from typing import Any, ClassVar, Final
 
-from steptwin.protocol.cia402 import DigitalInput
-
-if TYPE_CHECKING:
-    from steptwin.emulator.board.board import Board
-    from steptwin.emulator.simulation import Simulation
+from steptwin.emulator import operations
+from steptwin.emulator.board.surroundings import Surroundings
 
 
 class KeyKind(Enum):
@@ -105,7 +102,7 @@ _METADATA: Final = "keys"
 
 
 @dataclass(frozen=True, slots=True)
-class Harm:
+class Harm(operations.Operation):
     """Something that goes wrong, or is repaired.
 
     Raises:
@@ -142,15 +139,11 @@ class Harm:
         keys = {key.name: key for each in cls.by_field().values() for key in each.keys}
         return dict(sorted(keys.items(), key=lambda item: item[1].optional))
 
-    def apply(self, simulation: "Simulation", number: int) -> None:
-        """Do it now; `number` is that of the board, for one that is done to a board."""
-        raise NotImplementedError
-
     def why_endless(self) -> str | None:
         """Return why nothing ends it, in words; None if there is something that does."""
         return self.over if type(self).undo is Harm.undo else None
 
-    def undo(self, _before: "Surroundings") -> "Harm | None":
+    def undo(self, _before: Surroundings) -> "Harm | None":
         """Return the harm that ends this one, before which the machine was so; None if it has no end."""
         return None
 
@@ -168,77 +161,20 @@ def _outside(key: Key) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Operation(Harm):
-    """A harm to the boards of a simulation, or to their bus, that is done at an instant."""
-
-    once: ClassVar[bool] = False
-    """True if it is done once for the whole machine, else on every board, or on that of its axis."""
-
-    @property
-    def place(self) -> int | None:
-        """Number of the axis that it names; None if it names none."""
-        axis: int | None = getattr(self, "axis", None)
-        return axis
-
-    def at(self, axis: int) -> Self:
-        """Return the same at another axis."""
-        moved: Any = self
-        same: Self = replace(moved, axis=axis)
-        return same
+class MachineHarm(Harm):
+    """A harm to the boards of a simulation, or to their bus, that is over as soon as it is done."""
 
 
 @dataclass(frozen=True, slots=True)
-class BoardOperation(Operation):
-    """An operation on the machine of one board."""
-
-    def apply(self, simulation: "Simulation", number: int) -> None:
-        """Do it now, on the board of this number."""
-        simulation.boards[number].operate(self, simulation.now_counts)
-
-    def apply_to(self, board: "Board", now_counts: int) -> None:
-        """Do it to a board; the firmware sees inputs with the next tick, measured values at once."""
-        raise NotImplementedError
+class BoardHarm(MachineHarm, operations.BoardOperation):
+    """A harm to the machine of one board."""
 
 
 JOINT: Final = Key("joint", KeyKind.JOINT)
 
 
 @dataclass(frozen=True, slots=True)
-class AxisOperation(BoardOperation):
-    """An operation at the connector of one axis."""
+class AxisHarm(BoardHarm, operations.AxisOperation):
+    """A harm at the connector of one axis."""
 
     axis: int = field(metadata=keyed(JOINT))
-
-
-@dataclass(frozen=True, slots=True)
-class AxisSurroundings:
-    """What one axis' connector is like.
-
-    Attributes:
-        levels: inputs that are active; for a closed switch its bit is set.
-        stuck: switches that are held at their level wherever the axis stands.
-        protect_held: True while the driver's Protect pin is held low from outside.
-        shorted: True while the motor is short-circuited.
-    """
-
-    levels: DigitalInput
-    stuck: DigitalInput
-    protect_held: bool
-    shorted: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Surroundings:
-    """What is the same for all axes of a board, and each axis.
-
-    Attributes:
-        bitrate: of the board's CAN controller, in bit/s; None for a board without bus.
-        payload_kg: mass of the payload; 0 if no motors turn with the boards.
-    """
-
-    emergency_stop: bool
-    supply_10mv: int
-    temperature_decidegc: int
-    axes: tuple[AxisSurroundings, ...]
-    bitrate: int | None
-    payload_kg: float = 0.0

@@ -2,10 +2,16 @@
 
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from steptwin.features.faults.kinds.harm import Harm, Key, KeyKind, keyed
+from steptwin.host.common.errors import InputError
 
+if TYPE_CHECKING:
+    from steptwin.emulator.simulation import Simulation
+
+NO_HOST: Final = "'host' is for runs in virtual time; hosts of a live board are programs of their own"
+_NOT_ASKED: Final = "'host' is for scenarios of runs in virtual time; hosts of a live board are programs of their own"
 BY_MAX_S: Final = 86_400.0
 """Longest time of a fault: a day."""
 
@@ -46,6 +52,7 @@ class HostFault(Harm):
 
     do: ClassVar[str] = "host"
     does: ClassVar[str] = "something goes wrong with the host: only in scenarios"
+    once: ClassVar[bool] = True
 
     kind: HostFaultKind = field(
         metadata=keyed(Key("how", KeyKind.WORD, choices={each.value: each for each in HostFaultKind}))
@@ -61,6 +68,10 @@ class HostFault(Harm):
             raise ValueError(f"by_s: is for {', '.join(_TIMED)}, not for {self.kind}")
         if self.kind is HostFaultKind.LATE and not self.by_s:
             raise ValueError(f"by_s: a host that is {self.kind} by 0 s is not: say by how much, such as 0.05")
+
+    def apply(self, _simulation: "Simulation", _number: int) -> None:
+        """Raise InputError: only the engine of a scenario knows the host."""
+        raise InputError(f"do: {_NOT_ASKED}")
 
     def why_endless(self) -> str | None:
         """Return why a scenario cannot end it; None if it can."""

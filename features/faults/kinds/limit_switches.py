@@ -5,12 +5,12 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
-from steptwin.features.faults.kinds.harm import AxisOperation, Harm, Key, KeyKind, keyed
+from steptwin.features.faults.kinds.harm import AxisHarm, Harm, Key, KeyKind, keyed
 from steptwin.protocol.cia402 import SWITCH_INPUTS, DigitalInput
 
 if TYPE_CHECKING:
     from steptwin.emulator.board.board import Board
-    from steptwin.features.faults.kinds.harm import Surroundings
+    from steptwin.emulator.board.surroundings import Surroundings
 
 BOUNCES_MAX: Final = 1000
 WITHIN_US: Final = 5_000
@@ -18,7 +18,7 @@ WITHIN_US: Final = 5_000
 
 
 @dataclass(frozen=True, slots=True)
-class SwitchOperation(AxisOperation):
+class SwitchOperation(AxisHarm):
     """An operation on a limit or home switch."""
 
     switch: DigitalInput = field(metadata=keyed(Key("switch", KeyKind.SWITCH)))

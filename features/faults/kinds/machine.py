@@ -4,19 +4,27 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
-from steptwin.features.faults.kinds.harm import JOINT, AxisOperation, BoardOperation, Key, KeyKind, Operation, keyed
-from steptwin.protocol.cia402 import GENERAL_INPUTS, DigitalInput
+from steptwin.emulator import operations
+from steptwin.emulator.board.surroundings import PER_DEGC, PER_V
+from steptwin.emulator.drivers.excitation import CYCLE_FULL_STEPS
+from steptwin.features.faults.kinds.harm import (
+    JOINT,
+    AxisHarm,
+    BoardHarm,
+    Harm,
+    Key,
+    KeyKind,
+    MachineHarm,
+    keyed,
+)
+from steptwin.host.common.errors import InputError
+from steptwin.protocol.cia402 import DigitalInput
 
 if TYPE_CHECKING:
     from steptwin.emulator.board.board import Board
+    from steptwin.emulator.board.surroundings import Surroundings
     from steptwin.emulator.simulation import Simulation
-    from steptwin.features.faults.kinds.harm import Surroundings
 
-PER_V: Final = 100
-PER_DEGC: Final = 10
-"""The board measures in these parts of a volt and of a degree."""
-CYCLE_FULL_STEPS: Final = 4
-"""Full steps in an electrical cycle: after so many the motor's torque at the same field is the same again."""
 FULL_STEPS_MAX: Final = 100_000
 """Greatest number of full steps by which a motor slips."""
 PAYLOAD_MAX_KG: Final = 100.0
@@ -28,7 +36,7 @@ _OF_BOARD: Final = replace(JOINT, optional=True)
 
 
 @dataclass(frozen=True, slots=True)
-class EmergencyStop(BoardOperation):
+class EmergencyStop(BoardHarm):
     """The emergency stop button is pressed or pulled out; all axes of the board see it."""
 
     do: ClassVar[str] = "estop"
@@ -46,7 +54,7 @@ class EmergencyStop(BoardOperation):
 
 
 @dataclass(frozen=True, slots=True)
-class Supply(BoardOperation):
+class Supply(BoardHarm):
     """The motor supply gets this voltage, in 10 mV: any that the board can measure, as its object 0x2002:02 has it."""
 
     do: ClassVar[str] = "supply"
@@ -66,7 +74,7 @@ class Supply(BoardOperation):
 
 
 @dataclass(frozen=True, slots=True)
-class BoardTemperature(BoardOperation):
+class BoardTemperature(BoardHarm):
     """The board gets this temperature, in 0.1 degC: any that it can measure, as its object 0x2002:01 has it."""
 
     do: ClassVar[str] = "temperature"
@@ -91,7 +99,7 @@ _INPUT: Final = Key("input", KeyKind.INPUT)
 
 
 @dataclass(frozen=True, slots=True)
-class SetInput(AxisOperation):
+class SetInput(AxisHarm, operations.InputOperation):
     """A sensor at one of an axis' general inputs (`GENERAL_INPUTS`) closes or opens; closed is active."""
 
     do: ClassVar[str] = "input"
@@ -102,12 +110,7 @@ class SetInput(AxisOperation):
     on: bool = field(metadata=keyed(Key("on", KeyKind.TRUTH)))
 
     def __post_init__(self) -> None:
-        if self.input not in GENERAL_INPUTS:
-            raise ValueError(f"a general input is one of {', '.join(map(str, GENERAL_INPUTS))}, not {self.input!r}")
-
-    def apply_to(self, board: "Board", _now_counts: int) -> None:
-        """Close or open the sensor."""
-        board.inputs.set_general(self.axis, self.input, on=self.on)
+        operations.InputOperation.__post_init__(self)
 
     def undo(self, before: "Surroundings") -> "SetInput":
         """Return the sensor as it was."""
@@ -115,7 +118,7 @@ class SetInput(AxisOperation):
 
 
 @dataclass(frozen=True, slots=True)
-class Slip(AxisOperation):
+class Slip(AxisHarm):
     """A motor falls out of step: its rotor jumps by full steps that no driver has made, as an overload makes it.
 
     The rotor locks again where the field has the same angle: so it slips by whole electrical cycles of 4 full steps.
@@ -141,7 +144,7 @@ class Slip(AxisOperation):
 
 
 @dataclass(frozen=True, slots=True)
-class Payload(Operation):
+class Payload(MachineHarm):
     """The payload has another mass, from the next ms on: it hangs at the tool when the one before it would.
 
     Only motors that turn with the boards feel it.
@@ -157,6 +160,10 @@ class Payload(Operation):
 
     payload_kg: float = field(metadata=keyed(Key("payload_kg", KeyKind.NUMBER, "KG", 0, PAYLOAD_MAX_KG, "kg")))
 
+    def check(self, simulation: "Simulation", _number: int) -> None:
+        """Raise InputError unless motors turn with the boards."""
+        check_motors(self, turning=simulation.rotor_watch is not None)
+
     def apply(self, simulation: "Simulation", _number: int) -> None:
         """Load the rotors, if they turn with the boards; else they are where the drivers' steps put them."""
         if simulation.rotor_watch is not None:
@@ -167,11 +174,20 @@ class Payload(Operation):
         return Payload(before.payload_kg)
 
 
+def check_motors(harm: Harm, *, turning: bool) -> None:
+    """Raise InputError for a harm that only motors feel, unless they turn with the boards."""
+    if isinstance(harm, Payload) and not turning:
+        raise InputError(
+            f"payload_kg: {harm.payload_kg:g} kg: only motors that turn with the board feel it:"
+            " run --motors=loop, serve --motors, or motors=True in a test"
+        )
+
+
 _FOR_MS: Final = Key("for_ms", KeyKind.WHOLE, "MS", least=1, optional=True)
 
 
 @dataclass(frozen=True, slots=True)
-class BrownOut(Operation):
+class BrownOut(MachineHarm):
     """The logic's supply of a board breaks down: processor and drivers lose all that is not in flash.
 
     Attributes:
@@ -200,7 +216,7 @@ class BrownOut(Operation):
 
 
 @dataclass(frozen=True, slots=True)
-class WatchdogReset(Operation):
+class WatchdogReset(MachineHarm):
     """The watchdog resets a board's processor, while the drivers keep their supply.
 
     The processor's pins float: STEP, DIR and the chip's inputs fall by their pull-downs, RESET among them; ENABLE has
@@ -226,7 +242,7 @@ class WatchdogReset(Operation):
 
 
 @dataclass(frozen=True, slots=True)
-class PowerUp(Operation):
+class PowerUp(MachineHarm, operations.BoardStart):
     """A board that is down, by a brown-out or a reset, starts again; nothing happens to one that runs.
 
     Attributes:
@@ -237,10 +253,6 @@ class PowerUp(Operation):
     does: ClassVar[str] = "a board that is down starts again"
 
     axis: int | None = field(default=None, metadata=keyed(_OF_BOARD))
-
-    def apply(self, simulation: "Simulation", number: int) -> None:
-        """Let the firmware begin, unless the board is to stay down."""
-        simulation.start(number)
 
 
 MACHINE: Final = (

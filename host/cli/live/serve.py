@@ -7,8 +7,7 @@ from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from steptwin.features.faults.on_purpose import end_unless_struck, print_struck
-from steptwin.host.cli.app import command
+from steptwin.host.cli.app import command, end_unless
 from steptwin.host.cli.arguments import AnswerOptions, RobotName, RobotOptions, machine_for, naming_machine_options
 from steptwin.host.cli.live.served_programs import (
     CommandOptions,
@@ -20,6 +19,7 @@ from steptwin.host.cli.live.served_programs import (
 )
 from steptwin.host.cli.options import option, switch
 from steptwin.host.cli.output import Columns, print_rows, say, say_compiling, warn
+from steptwin.host.cli.run.hooks import tellings
 from steptwin.host.cli.run.verdict_text import USUAL_DRIVERS
 from steptwin.host.common import listening as socketcand
 from steptwin.host.common.errors import BusError, InputError, RecordingError
@@ -141,7 +141,9 @@ def serve(
             program.end()
     if failure:
         raise failure
-    end_unless_struck(document)
+    missed = [why for each in tellings() if (why := each.served_failure(document))]
+    say(*missed, err=True)
+    end_unless(not missed)
     program.pass_on()
 
 
@@ -323,7 +325,8 @@ def print_served(document: dict[str, Any], folder: Path | None) -> None:
         say(f"{what} late, ms (p50 p99 max): {text}, of {real_time[what]['count']}")
     if real_time["stalls"]["count"]:
         say(str(ClockStood(**real_time["stalls"])))
-    print_struck(document)
+    for each in tellings():
+        each.print_served(document)
     say(f"SIMULATED {document['simulated_s']:.1f} s in {document['wall_s']:.1f} s")
     if folder is not None:
         say(f"report, edges and bus log are in {folder}/")

@@ -1,9 +1,8 @@
 """`steptwin check FILE`: say everything that is wrong in a file of your own, or what it amounts to."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import MISSING
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -16,7 +15,7 @@ from steptwin.host.cli.output import Columns, number_of, print_rows, print_table
 from steptwin.host.cli.run.check_robot import check_robot
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.features import drive_model
+from steptwin.host.common.features import FileKind, drive_model, giving
 from steptwin.host.common.file_limits import CAMPAIGN_BYTES_MAX, PROGRAM_BYTES_MAX, check_size
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.own_files import read_text
@@ -49,54 +48,50 @@ def check(
         raise InputError(
             f"{file}: is a trajectory: `steptwin run ROBOT {file}` says what is wrong before anything moves"
         )
+    kinds = file_kinds()
     with prefixed(f"{file}: "):
-        text = read_text(file, CAMPAIGN_BYTES_MAX)
-        if not _OF_A_CAMPAIGN.search(text):
-            check_size(len(text), PROGRAM_BYTES_MAX)
+        text = read_text(file, max(kind.bytes_max for kind in kinds))
+        marked = [kind.bytes_max for kind in kinds if kind.mark is not None and kind.mark.search(text)]
+        check_size(len(text), max(marked, default=PROGRAM_BYTES_MAX))
         table = toml_table(text)
-        kind = next((kind for kind, keys in _KINDS.items() if any(key in table for key in keys)), None)
+        kind = next((kind for kind in kinds if any(key in table for key in kind.keys)), None)
         if kind is None:
-            telling = ", ".join(key for keys in _KINDS.values() for key in keys)
-            raise InputError(f"has none of {telling}: it is no {' and no '.join(_KINDS)}")
+            telling = ", ".join(key for kind in kinds for key in kind.keys)
+            raise InputError(f"has none of {telling}: it is no {' and no '.join(kind.name for kind in kinds)}")
     findings = Findings()
-    checks: Mapping[str, _Check] = {
-        "program": partial(check_program, Path(file).parent),
-        "scenario": check_scenario,
-        "campaign": partial(_check_campaign, file),
-        "robot": check_robot,
-    }
     with planning.bounded(), prefixed(f"{file}: "):
-        checked = checks[kind](text, robot, findings)
+        checked = kind.check(file, text, robot, findings)
     wrong = findings.messages
     if wrong and not answer.as_json:
         say(*(f"{file}: {message}" for message in (*wrong, *checked.advice)), err=True)
     else:
-        answer.tell({"file": file, "kind": kind, "findings": wrong, **checked.document}, *checked.words)
+        answer.tell({"file": file, "kind": kind.name, "findings": wrong, **checked.document}, *checked.words)
     if wrong:
         raise typer.Exit(InputError.exit_code)
 
 
-_Check = Callable[[str, str | None, Findings], CheckedFile]
-"""Checks a text; the robot is that of a program that does not name its own."""
-
 _OF_A_CAMPAIGN: Final = re.compile(r"^\s*\[\[(scenario|motion)\b", re.MULTILINE)
 """What only campaigns have, which may be longer than other files."""
 
-_KINDS: Final[Mapping[str, tuple[str, ...]]] = {
-    "program": ("step", "steps", "sequences"),
-    "scenario": ("fault",),
-    "campaign": ("runs", "motion", "scenario"),
-    "robot": ("kinematics", "joints", "board"),
-}
-"""Kinds of files, each with the keys by which it is known: any of them."""
+
+def file_kinds() -> list[FileKind]:
+    """Return the kinds of files that can be checked."""
+    of_features = [kind for _, kinds in giving("file_kinds") for kind in kinds()]
+    campaign = FileKind("campaign", ("runs", "motion", "scenario"), _check_campaign, CAMPAIGN_BYTES_MAX, _OF_A_CAMPAIGN)
+    program = FileKind("program", ("step", "steps", "sequences"), check_program)
+    return [program, *of_features, campaign, FileKind("robot", ("kinematics", "joints", "board"), _check_robot)]
 
 
-def check_program(folder: Path, text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
-    """Check a program in a folder for a robot, by default for the one that it names."""
+def _check_robot(_path: str, text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
+    return check_robot(text, robot_name, findings)
+
+
+def check_program(path: str, text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
+    """Check a program for a robot, by default for the one that it names."""
     from steptwin.host.planning.drives import known_drives
     from steptwin.host.planning.programs import check_names, compile_program, parse_program
 
-    program = parse_program(text, findings, folder)
+    program = parse_program(text, findings, Path(path).parent)
     robot = _robot(program, robot_name, findings)
     if robot is None:
         check_names(program, None, findings)
@@ -204,60 +199,6 @@ def _nearest_to_limit(peaks: "list[Peak]") -> "Peak | None":
 
 def _percent_text(peak: "Peak | None") -> str:
     return f"{peak.percent:.0f} % {peak.joint}" if peak is not None and peak.value else "-"
-
-
-def check_scenario(text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
-    """Check a scenario for a robot, whose joints, switches and inputs its faults name."""
-    from steptwin.features.faults.requests import request_of
-    from steptwin.features.faults.scenario import parse_scenario
-    from steptwin.host.robots import load_robot
-
-    robot = None
-    with findings.collecting():
-        if robot_name is None:
-            raise InputError("which robot? `steptwin check FILE ROBOT`: the faults name its joints")
-        robot = load_robot(robot_name)
-    if robot is None:
-        return CheckedFile()
-    scenario = parse_scenario(text, robot, findings)
-    faults = [
-        {
-            "name": fault.name,
-            "due": str(fault.trigger),
-            "do": request_of(robot, fault.harm),
-            "until": None if fault.until is None else _until(fault.until),
-        }
-        for fault in scenario.drawn().faults
-    ]
-    document = {"robot": robot.name, "name": scenario.name, "seed": scenario.seed, "faults": faults}
-    said = f"scenario {scenario.name}: {len(faults)} faults, seed {scenario.seed}"
-    return CheckedFile(document, (lambda: print_rows(_FAULTS, faults, text_columns=4), said))
-
-
-def _until(until: object) -> str:
-    return f"for {until:g} s" if isinstance(until, float | int) else str(until)
-
-
-def _request(request: Mapping[str, Any]) -> str:
-    """Return what a fault does, then its keys with their values."""
-    keys = (f"{key}={_word(value)}" for key, value in request.items() if key != "do")
-    return " ".join((request["do"], *keys))
-
-
-def _word(value: object) -> str:
-    if isinstance(value, list):
-        return ",".join(f"0x{each:X}" for each in value)
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-_FAULTS: Final[Columns] = {
-    "fault": "{0[name]}",
-    "due": "{0[due]}",
-    "does": lambda fault: _request(fault["do"]),
-    "until": lambda fault: fault["until"] or "to the end",
-}
 
 
 def _check_campaign(file: str, text: str, robot_name: str | None, findings: Findings) -> CheckedFile:

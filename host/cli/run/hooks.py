@@ -1,16 +1,21 @@
 """Let features take part in `steptwin run`: before the motion is planned, as it runs, and after it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import giving
 from steptwin.host.twin.machine.machine_options import merged
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from steptwin.host.cli.arguments import AnswerOptions
     from steptwin.host.client import Progress
+    from steptwin.host.common.features import Telling
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.embedded.outcome import Outcome
 
@@ -124,3 +129,21 @@ def prepare_run(
         kept.append((hook, prepared.kept))
     of_job = job_extras(robot, job, options) if job in job_names(robot) else []
     return PreparedRun(job, options, merged(prepared_extras, of_job), kept)
+
+
+def tellings() -> "list[Telling]":
+    """Return what prints the features' keys of documents."""
+    return [made() for _, made in giving("telling")]
+
+
+@contextmanager
+def telling_unbegun(answer: "AnswerOptions") -> Iterator[None]:
+    """Print what features say of a run if an error ends the block before the motion has begun."""
+    from steptwin.host.twin.embedded.outcome import NotBegunError
+
+    try:
+        yield
+    except NotBegunError as error:
+        document = error.to_dict()
+        answer.tell({"passed": False, **document}, *(partial(each.print_run, document) for each in tellings()))
+        raise

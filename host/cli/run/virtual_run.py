@@ -7,13 +7,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-from steptwin.features.faults.on_purpose import print_faults, telling_of_faults
 from steptwin.host.cli.app import end_unless
 from steptwin.host.cli.arguments import AnswerOptions, finite_number, machine_for, naming_machine_options, run_folder
 from steptwin.host.cli.options import Without, given_options, of_features, option
 from steptwin.host.cli.output import progress_bar, say, say_compiling
 from steptwin.host.cli.run.chosen_motion import ChosenMotion
-from steptwin.host.cli.run.hooks import Added, PreparedRun, RunHook
+from steptwin.host.cli.run.hooks import Added, PreparedRun, RunHook, telling_unbegun, tellings
 from steptwin.host.cli.run.verdict_text import fault_line, print_report
 from steptwin.host.common.choices import LEVELS
 from steptwin.host.common.errors import DeviceFaultError, InputError
@@ -67,8 +66,8 @@ def run_virtual(answer: AnswerOptions, motion: ChosenMotion, prepared: PreparedR
     """Run a motion, tell what it did, and keep it where that is asked for.
 
     Raises:
-        DeviceFaultError: a fault has ended a run without a scenario.
-        Exit: the run is not verified, the scenario has failed, or a feature has found a reason after the run.
+        DeviceFaultError: a fault has ended a run of which no feature has a verdict.
+        Exit: the run is not verified, a feature's verdict is that it failed, or a feature has found a reason after it.
     """
     from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY
     from steptwin.host.record.folder.writing import can_draw, draw_here, drawing_apart
@@ -104,7 +103,7 @@ def _executed(
         telling_of_compiling(say_compiling, wanted=compiled and options.kernel in ("auto", "numba")),
         progress_bar(f"{robot.name} {motion.job}") as bar,
         naming_machine_options(cut_stream_s="--cut-stream"),
-        telling_of_faults(answer),
+        telling_unbegun(answer),
     ):
         progress: Progress = bar
         for hook in options.hooks:
@@ -155,10 +154,11 @@ class FinishedRun:
         return self.outcome.to_dict()
 
     def print(self) -> None:
-        """Print the report, what became of faults, and what features have added."""
+        """Print the report, what features say of the run, and what they have added."""
         document = self.outcome.to_dict()
         print_report(document)
-        print_faults(document)
+        for telling in tellings():
+            telling.print_run(document)
         for each in self.added:
             each.print()
         say_what_is_faster(document["wall_s"])
@@ -175,19 +175,15 @@ def say_what_is_faster(wall_s: float) -> None:
 
 
 def _raise_unless_right(outcome: "Outcome") -> None:
-    """End the command unless the run is right: with a scenario, if it went as documented, even if the motion did not.
+    """End the command unless the run is right; where features have a verdict, by this, even if the motion has ended.
 
     Raises:
-        DeviceFaultError: a fault has ended a run without a scenario.
-        Exit: the run is not verified, the scenario has failed, or a feature has found a reason after the run.
+        DeviceFaultError: a fault has ended a run of which no feature has a verdict.
+        Exit: the run is not verified, a feature's verdict is that it failed, or a feature has found a reason after it.
     """
-    if outcome.scenario is not None:
-        right = outcome.scenario.passed
-    elif outcome.fault:
+    if outcome.fault and not outcome.verdicts:
         raise DeviceFaultError(fault_line(outcome.fault.to_dict()))
-    else:
-        right = outcome.report.passed
-    end_unless(right and not outcome.late_reasons)
+    end_unless(outcome.right and not outcome.late_reasons)
 
 
 def _input_change(text: str) -> "InputChange":

@@ -5,18 +5,14 @@ from math import floor
 from typing import Any
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.faults.engine import Engine, HostCondition
-from steptwin.features.faults.kinds import Scheduled
-from steptwin.features.faults.kinds.drivers import OscCapacitor
-from steptwin.features.faults.kinds.harm import Harm
-from steptwin.features.faults.kinds.host import HostFault
-from steptwin.features.faults.kinds.machine import CYCLE_FULL_STEPS, SetInput
-from steptwin.features.faults.target import Moment, check_motors
+from steptwin.emulator.drivers.excitation import CYCLE_FULL_STEPS
+from steptwin.emulator.operations import InputOperation, Operation, Scheduled
 from steptwin.features.nodes.simple_node import SimpleNode
-from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import MachinePart
 from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.embedded.embedded_network import EmbeddedNetwork, FaultyNetwork, whole_us_counts
+from steptwin.host.twin.embedded.embedded_network import EmbeddedNetwork, whole_us_counts
+from steptwin.host.twin.embedded.outcome import RunEnd, RunVerdict
 from steptwin.host.twin.machine.emulated_machine import EmulatedMachine, MachineParts, OperationLog
 from steptwin.host.twin.machine.evidence import axes_by_own_clocks, axes_evidence, tick_after
 from steptwin.host.twin.machine.input_changes import InputChange, set_input
@@ -55,45 +51,33 @@ class EmbeddedBoard:
             waits_for: inputs for which the motion waits; None: unknown.
 
         Raises:
-            InputError: as `MachineParts.of`, or the scenario names a joint that the robot does not have, or an
-                operation is for motors that turn, and there are none.
+            InputError: as `MachineParts.of`, or the machine has not what an operation or a feature's part concerns.
         """
-        schedule = tuple(schedule)
         self.robot: Robot = robot
         self.options: MachineOptions = options
         parts = MachineParts.of(robot, kernel, options, commissioned=commissioned, waits_for=waits_for)
         self.driver_profile: DriverProfile = parts.driver_profile
         self._machine = EmulatedMachine(parts, schedule)
-        for each in schedule:
-            check_motors(each.operation, turning=self.motors_turn)
-        self.host: HostCondition = self._machine.host
-        """What a scenario has made of the host."""
+        self.parts: Mapping[str, MachinePart] = parts.features
+        """The parts that features have of the machine, by their names."""
         self.operations: OperationLog = self._machine.operations
         """What is done to the machine beside its bus."""
-        self.engine: Engine | None = self._machine.engine
-        """Plays the scenario; None without one."""
-        self.network: EmbeddedNetwork = self._network(
-            harmed=self.engine is not None and self.engine.scenario.harms_host
-        )
+        self.connect_host()
         self._changes: list[InputChange] = []
         """Changes of inputs that wait for the SYNC that starts the motion."""
         self._changes_after = 0
         """Length of the bus log when these were given."""
         self.wait(_BOOT_S)
 
-    def _network(self, *, harmed: bool) -> EmbeddedNetwork:
-        if harmed:
-            return FaultyNetwork(self._machine.simulation, self.host, lambda: self.moving)
-        return EmbeddedNetwork(self._machine.simulation)
+    def connect_host(self) -> None:
+        """Connect a host, in place of the one before: `network` is its network."""
+        of_parts = [network for part in self.parts.values() if (network := part.network()) is not None]
+        self.network: EmbeddedNetwork = of_parts[0] if of_parts else EmbeddedNetwork(self._machine.simulation)
 
     @property
     def moving(self) -> bool:
         """True while an axis executes a motion."""
         return self._machine.interpolating
-
-    def moment(self) -> Moment:
-        """Return what all axes do now, as the board itself knows it."""
-        return self._machine.moment()
 
     @property
     def nodes(self) -> Mapping[int, SimpleNode]:
@@ -103,11 +87,6 @@ class EmbeddedBoard:
     def switch_node(self, node_id: int, *, on: bool) -> None:
         """Take the supply from a further node, or give it back: it boots again; KeyError if none has this id."""
         self._machine.switch_node(node_id, on=on)
-
-    def host_restarts(self) -> None:
-        """Connect another host: `network` is its network, and nothing that the one before it was told is known."""
-        self.host.dead, self.host.restart_counts = False, None
-        self.network = self._network(harmed=True)
 
     @property
     def held_up_s(self) -> float:
@@ -152,7 +131,7 @@ class EmbeddedBoard:
         self._changes = [change for change in changes if change.at_s > 0]
         self._changes_after = len(self._machine.bus.log_frames)
 
-    def _input_operation(self, change: InputChange) -> SetInput:
+    def _input_operation(self, change: InputChange) -> InputOperation:
         return set_input(self.robot, change.name, on=change.on)
 
     def _last_sync_counts(self, after: int = 0) -> int | None:
@@ -164,25 +143,18 @@ class EmbeddedBoard:
             (counts for counts, frame in log if frame.cob_id == COB_SYNC and counts not in strange), default=None
         )
 
-    def operate(self, harm: Harm) -> None:
-        """Do an operation on the machine, such as EmergencyStop(pressed=True), or let a fault of the bus begin, now.
+    def operate(self, operation: Operation) -> None:
+        """Do an operation on the machine now, such as EmergencyStop(pressed=True).
 
         Raises:
-            InputError: the machine lacks what it concerns, such as motors that turn with the board; or it is a fault of
-                the host, which only a scenario brings about.
+            InputError: the machine lacks what it concerns, such as motors that turn with the board.
         """
-        if isinstance(harm, HostFault):
-            raise InputError(f"do: '{harm.do}' is for scenarios: give this board one that harms its host")
-        self._machine.harm(harm)
+        self._machine.operate(operation)
 
-    def repair(self) -> None:
-        """End every fault of the scenario that lasts, and let none begin any more; a host that has died is replaced."""
-        if self.engine is not None:
-            self.engine.repair()
-            if (oscillator := self.driver_profile.chip.oscillator) is not None:
-                for axis in range(len(self.robot.axes)):
-                    self.operate(OscCapacitor(axis, oscillator.osc_pf))
-            self.host_restarts()
+    def verdicts(self, end: RunEnd) -> dict[str, RunVerdict]:
+        """Return what features say of a run that ends now, by their names."""
+        judged = {name: part.verdict(end) for name, part in self.parts.items()}
+        return {name: verdict for name, verdict in judged.items() if verdict is not None}
 
     @property
     def bus_log(self) -> list[tuple[int, Frame]]:

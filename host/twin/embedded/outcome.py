@@ -1,18 +1,18 @@
 """Hold the result of a run on an embedded board: verdict, evidence, bus log, and the fault that ended it, if any."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
-from steptwin.features.faults.report import ScenarioReport
+from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError
 from steptwin.host.common.features import judge_of
 from steptwin.host.operate.inputs_outputs import WaitMade, waits_document
 from steptwin.host.planning.plan import Plan
 from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, keep_recording, prepare_folder, write_folder
 from steptwin.host.record.folder.writing import can_draw, draw_here
 from steptwin.host.twin.machine.boards import crystals_document
-from steptwin.host.verify import Comparison, Report
+from steptwin.host.verify import Comparison, Evidence, Report
 from steptwin.protocol.frame import Frame
 
 
@@ -46,6 +46,73 @@ class RunFault:
 
 
 @dataclass(frozen=True, slots=True)
+class RunEnd:
+    """How a run ended.
+
+    Attributes:
+        evidence: the steps that the drivers counted.
+        stopped: whether the motion ended before its time.
+        ended_s: time of the motion at its end.
+        reasons: why the drivers' counts are not as planned; empty if they are, or if the motion stopped.
+        not_begun: that no motion began, and why; empty if one did.
+    """
+
+    evidence: Evidence
+    stopped: bool
+    ended_s: float
+    reasons: Sequence[str] = ()
+    not_begun: str = ""
+
+
+class RunVerdict(Protocol):
+    """What a feature says of a run to which it has done something: it counts in place of the run's own verdict."""
+
+    @property
+    def passed(self) -> bool:
+        """True if all went as it should."""
+        ...
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the verdict under keys of report.json."""
+        ...
+
+
+class NotBegunError(StepTwinError):
+    """No motion began.
+
+    Attributes:
+        verdicts: what features say of the run until then, by their names.
+    """
+
+    verdicts: Mapping[str, RunVerdict]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the verdicts under the keys of report.json."""
+        return merged_documents(self.verdicts)
+
+
+class SilentStartError(NotBegunError, BusError):
+    """No node answered the host."""
+
+
+class FaultyStartError(NotBegunError, DeviceFaultError):
+    """A drive was in fault, or refused what the host wanted."""
+
+
+def not_begun(error: BusError | DeviceFaultError, verdicts: Mapping[str, RunVerdict]) -> NotBegunError:
+    """Return the error for a motion that has not begun because of another error."""
+    kind = SilentStartError if isinstance(error, BusError) else FaultyStartError
+    made = kind(str(error)).plainly(error.plain)
+    made.verdicts = verdicts
+    return made
+
+
+def merged_documents(verdicts: Mapping[str, RunVerdict]) -> dict[str, Any]:
+    """Return what all verdicts say, under the keys of report.json."""
+    return {key: value for each in verdicts.values() for key, value in each.to_dict().items()}
+
+
+@dataclass(frozen=True, slots=True)
 class Outcome:
     """The result of a run.
 
@@ -57,7 +124,7 @@ class Outcome:
         fault: the fault that ended the run; None if it came to its end.
         driver_profile: name of the drivers that the board had.
         waits: the waits for inputs on the way; the plan has their standstills in it, and ends with one that timed out.
-        scenario: the faults that happened on purpose, and whether they were answered as documented; None without any.
+        verdicts: what features say of the run to which they have done something, by their names.
         operations: what was done to the machine beside its bus, as requests of the control port, each with its instant
             `at_s` since power-up.
         axes_per_board: number of axes on each of several boards; empty: one board had all.
@@ -72,7 +139,7 @@ class Outcome:
     fault: RunFault | None
     driver_profile: str
     waits: tuple[WaitMade, ...] = ()
-    scenario: ScenarioReport | None = None
+    verdicts: Mapping[str, RunVerdict] = field(default_factory=dict)
     operations: tuple[Mapping[str, Any], ...] = ()
     axes_per_board: tuple[int, ...] = ()
     crystals_ppm: tuple[int, ...] = ()
@@ -82,6 +149,11 @@ class Outcome:
     def passed(self) -> bool:
         """True if the run came to its end, and every pulse is where the plan wants it, and no feature has a reason."""
         return self.fault is None and self.report.passed
+
+    @property
+    def right(self) -> bool:
+        """True if every pulse is where the plan wants it; with verdicts of features, if these say so."""
+        return all(each.passed for each in self.verdicts.values()) if self.verdicts else self.report.passed
 
     def with_feature(self, name: str, seen: Any) -> "Outcome":
         """Return the outcome with what a feature has found after the run, in place of what it had found before."""
@@ -111,9 +183,7 @@ class Outcome:
             document["operations"] = list(self.operations)
         if self.fault:
             document |= {"passed": False, "fault": self.fault.to_dict()}
-        if self.scenario:
-            document |= self.scenario.to_dict()
-        return document
+        return document | merged_documents(self.verdicts)
 
     def save(self, folder: Path | str, draw: Callable[[Path], None] = draw_here) -> bool:
         """Write report, plan, every edge, bus log, waveform and pictures into a folder (docs/run-folder.md).

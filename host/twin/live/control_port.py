@@ -9,17 +9,18 @@ from difflib import get_close_matches
 from math import isfinite
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
+from steptwin.emulator.board.surroundings import PER_DEGC, PER_V
 from steptwin.emulator.live.live_loop import LiveLoop
-from steptwin.features.faults.kinds.machine import PER_DEGC, PER_V
-from steptwin.features.faults.requests import read_request, switches_of
 from steptwin.features.nodes.node_objects import NodeValue, ValueForm
 from steptwin.features.nodes.simple_node import SimpleNode
 from steptwin.host.common import listening as socketcand
-from steptwin.host.common.bad_input import prefixed, printable
+from steptwin.host.common.bad_input import prefixed, printable, unknown
+from steptwin.host.common.choices import STATE
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import ControlRequests, giving
 from steptwin.host.common.listening import listen
 from steptwin.host.common.tables import Table
-from steptwin.host.operate.inputs_outputs import wired_inputs
+from steptwin.host.operate.inputs_outputs import switches_of, wired_inputs
 from steptwin.host.twin.live.live_board import LiveBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput
@@ -81,7 +82,7 @@ class MachineState:
             | {
                 "host_bitrate": board.bus.host_bitrate,
                 "recent_load_percent": round(board.recent_bus_load_percent, 3),
-                "faults": len(board.bus.faults.in_force),
+                "faults": len(board.bus.filters.in_force),
             },
             "real_time": board.real_time(),
             **({"nodes": nodes} if (nodes := nmt_states(board.nodes)) else {}),
@@ -118,12 +119,10 @@ class ControlPort:
             try:
                 if request.get("do") in NODE_REQUESTS:
                     return {"node": answer_for_node(board, request)} | state.read()
-                harm = read_request(board.robot, request)
-                if harm is not None:
-                    board.operate(harm)
+                answered = answer_request(board, request)
             except InputError as error:
                 return {"error": printable(str(error))}
-            return state.read()
+            return {**answered, **state.read()}
 
         self._server = ControlServer(loop, self._listener, handle)
 
@@ -144,6 +143,28 @@ class ControlPort:
                 "refused": server.refused,
             }
         return figures
+
+
+def answer_request(board: LiveBoard, request: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Do what a request asks for; return what is told beside the machine's state.
+
+    Raises:
+        InputError: the request does not exist, has other keys or values, or the machine lacks what it concerns.
+    """
+    answering: dict[str, ControlRequests] = {}
+    for _, made in giving("requests"):
+        requests: ControlRequests = made()
+        answering |= dict.fromkeys(requests.names, requests)
+    table, names = Table(request, "JSON object"), (*answering, STATE)
+    if "do" not in table:
+        raise InputError(f"do: is missing: one of {', '.join(names)}")
+    do = table.text("do")
+    if do not in names:
+        raise unknown("do", do, names)
+    if do == STATE:
+        table.read({"do": Table.text})
+        return {}
+    return answering[do].answer(board, request)
 
 
 def nmt_states(nodes: Mapping[int, SimpleNode]) -> dict[str, str]:

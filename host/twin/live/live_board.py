@@ -11,16 +11,13 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.motion.group_time import RateRamp
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.emulator.board.board import Board
+from steptwin.emulator.board.surroundings import Surroundings
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.drivers.driver_bank import AxisTrace
 from steptwin.emulator.live.live_simulation import Lateness, LiveSimulation, Pacer, warm_up
-from steptwin.features.faults.engine import Engine
-from steptwin.features.faults.kinds.bus import BusFault, BusRepair
-from steptwin.features.faults.kinds.harm import Harm, Surroundings
-from steptwin.features.faults.kinds.host import HostFault
-from steptwin.features.faults.reporting import played_document
+from steptwin.emulator.operations import Operation
 from steptwin.features.nodes.simple_node import SimpleNode
-from steptwin.host.common.errors import InputError, RecordingError
+from steptwin.host.common.errors import RecordingError
 from steptwin.host.common.features import MachinePart, judge_of
 from steptwin.host.record.bus_log import BusLog, log_line
 from steptwin.host.record.folder import LIVE_JOB, AxisTotals, Header, Mark, Piece, Recording
@@ -84,8 +81,6 @@ class JointTotals:
 RECORD_EVERY_S: Final = 0.5
 """Longest time for which the drivers' history is held in memory."""
 
-_NO_HOST: Final = "'host' is for runs in virtual time; hosts of a live board are programs of their own"
-
 OPERATIONS_MAX: Final = 1000
 """Number of operations on the machine that are remembered, so that memory stays bounded."""
 
@@ -119,26 +114,23 @@ class LiveBoard:
         Args:
             robot: the machine.
             kernel: form of the firmware's kernel.
-            options: how it differs from the robot's file, and what happens to it; times of a scenario count from the
-                first motion that a SYNC starts.
+            options: how it differs from the robot's file, and what happens to it.
             speed: simulated seconds per second.
             out: folder for all files.
             log: file for the bus log.
 
         Raises:
-            InputError: as `MachineParts.of`, or the scenario has a fault of the host, which is a program of its own.
+            InputError: as `MachineParts.of`, or a feature's part is for boards in virtual time.
             OSError: a file cannot be written.
         """
         parts = MachineParts.of(robot, kernel, options)
+        for part in parts.features.values():
+            part.check_live()
         self.robot = robot
         self.driver_profile: DriverProfile = parts.driver_profile
         self._machine = machine = EmulatedMachine(parts, log=self._log, operations_max=OPERATIONS_MAX)
         self._boards = machine.simulation.boards
         self.bus: Bus = machine.bus
-        self.engine: Engine | None = machine.engine
-        """Plays the scenario; None without one."""
-        if self.engine is not None and self.engine.scenario.harms_host:
-            raise InputError(f"{self.engine.scenario.name}: {_NO_HOST}")
         self._ramps: deque[RateRamp] = deque(maxlen=OPERATIONS_MAX)
         """How the motions' speed has changed on the way, by the first board, up to the last `record`."""
         self._lines: list[str] = []
@@ -176,20 +168,15 @@ class LiveBoard:
         )
         return Header(self.robot.name, self.driver_profile.name, self.bus.bitrate, axes)
 
-    def operate(self, harm: Harm) -> None:
-        """Do an operation on the machine, or let a fault of the bus begin, now; in the loop only.
+    def operate(self, operation: Operation) -> None:
+        """Do an operation on the machine now; in the loop only.
 
         An operation on an axis names its number among all boards' axes; any other is done at every board.
 
         Raises:
-            InputError: it is a fault of the host: those of a live board are programs of their own; or only motors that
-                turn with the board would feel it, and there are none.
+            InputError: the machine lacks what it concerns, such as motors that turn with the board.
         """
-        if isinstance(harm, HostFault):
-            raise InputError(f"do: {_NO_HOST}")
-        self._machine.harm(harm)
-        if isinstance(harm, BusFault | BusRepair):
-            self._machine.operations.note(harm)
+        self._machine.operate(operation)
 
     @property
     def surroundings(self) -> Surroundings:
@@ -269,7 +256,7 @@ class LiveBoard:
         """Take and log what has happened on the bus since the last round of all axes; return the log's lines."""
         self._motion.follow(max(board.computed_counts for board in self._boards))
         self._measure_load()
-        self.bus.faults.struck.clear()
+        self.bus.filters.struck.clear()
         for part in self.parts.values():
             part.end_round()
         lines, self._lines = self._lines, []
@@ -347,7 +334,8 @@ class LiveBoard:
 
     def features(self) -> dict[str, Any]:
         """Return what the parts of features have seen up to their last look, under their names."""
-        return {name: judge_of(name).document(part.seen(), 0) for name, part in self.parts.items()}
+        looked = {name: part.seen() for name, part in self.parts.items()}
+        return {name: judge_of(name).document(seen, 0) for name, seen in looked.items() if seen is not None}
 
     def lateness(self) -> dict[str, dict[str, float]]:
         """Return how late the servo ticks of motions and the board's frames were, in us of the wall clock."""
@@ -377,7 +365,7 @@ class LiveBoard:
                 "operations": self._machine.operations.requests(),
                 **speeds_document(speeds),
                 **self.features(),
-                **({} if self.engine is None else played_document(self.engine)),
+                **self._machine.parts_document(),
             },
         )
 

@@ -20,10 +20,10 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from steptwin.controller.motion.kernel import TICK_COUNTS
-from steptwin.features.faults.target import Target
 from steptwin.host.client.words import error_words
 from steptwin.host.record.folder import MachineStop, PlanRows, trajectory_head, trajectory_row
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.machine.robot_boards import RobotBoards
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode, State
 from steptwin.protocol.frame import COB_EMCY, COB_SYNC, FIRST_NODE_ID, NODE_ID_MAX, Frame
@@ -161,7 +161,7 @@ class ReceivedPlan:
 class LivePlan(ReceivedPlan):
     """The plan of the records that a machine's axes accept; the live board tells of SYNCs, starts and ends."""
 
-    def __init__(self, machine: Target) -> None:
+    def __init__(self, machine: RobotBoards) -> None:
         """Follow the axes from now on."""
         super().__init__(machine.robot)
         self._machine = machine
@@ -262,7 +262,7 @@ class FollowedMotion:
         plan: the plan of that motion, made of its records; None if nobody wants it.
     """
 
-    def __init__(self, machine: Target, plan: LivePlan | None) -> None:
+    def __init__(self, machine: RobotBoards, plan: LivePlan | None) -> None:
         """Follow a machine's axes from now on."""
         self.start_counts: int | None = None
         self.plan = plan

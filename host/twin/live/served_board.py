@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Unpack
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
 from steptwin.emulator.live.live_loop import LiveLoop
 from steptwin.emulator.live.live_simulation import SPEED_MAX, SPEED_MIN
-from steptwin.features.faults.kinds.harm import Operation
+from steptwin.emulator.operations import Operation
 from steptwin.features.firmware.process import FirmwareError
 from steptwin.host.client.links.bus_link import Connection, check_interface, open_bus
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError

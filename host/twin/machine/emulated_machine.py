@@ -9,13 +9,8 @@ from typing import Any
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board
 from steptwin.emulator.bus.can_bus import Bus, Log
+from steptwin.emulator.operations import Operation, Scheduled
 from steptwin.emulator.simulation import Simulation
-from steptwin.features.faults.engine import Engine, HostCondition
-from steptwin.features.faults.kinds import Scheduled
-from steptwin.features.faults.kinds.bus import BusFault, BusRepair
-from steptwin.features.faults.kinds.harm import Harm
-from steptwin.features.faults.requests import request_of
-from steptwin.features.faults.target import Target
 from steptwin.features.firmware.process import FirmwareError
 from steptwin.features.nodes.eds_nodes import eds_nodes
 from steptwin.features.nodes.simple_node import SimpleNode
@@ -25,7 +20,9 @@ from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.boards import board_configs, make_boards, standing_steps
 from steptwin.host.twin.machine.drivers import driver_profile
+from steptwin.host.twin.machine.input_changes import request_of
 from steptwin.host.twin.machine.machine_options import MachineOptions
+from steptwin.host.twin.machine.robot_boards import RobotBoards
 from steptwin.protocol.drivers import DriverProfile
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -103,15 +100,12 @@ class MachineParts:
 
 
 class OperationLog:
-    """Every operation on a machine beside its bus from now on, or the last ones, as requests of the control port.
+    """Every operation on a machine beside its bus from now on, or the last ones, as requests of the control port."""
 
-    The simulation tells of operations; faults of the bus are noted by `note`.
-    """
-
-    def __init__(self, machine: Target, most: int | None = None) -> None:
+    def __init__(self, machine: RobotBoards, most: int | None = None) -> None:
         """Begin; `most` is the number of operations that are remembered, None for all."""
         self._machine = machine
-        self._done: deque[tuple[int, Harm]] = deque(maxlen=most)
+        self._done: deque[tuple[int, Operation]] = deque(maxlen=most)
         """What was done, and its instants in counts; axes are numbered among all boards'."""
         machine.simulation.on_operation = self._operated
 
@@ -120,25 +114,19 @@ class OperationLog:
         if operation is not None:
             self._done.append((scheduled.counts, operation))
 
-    def note(self, fault: BusFault | BusRepair) -> None:
-        """Note a fault of the bus that begins now, or the end of all."""
-        self._done.append((self._machine.simulation.now_counts, fault))
-
     def requests(self) -> list[dict[str, Any]]:
         """Return what was done under the keys of docs/control-port.md, with `at_s` in seconds since power-up."""
         robot = self._machine.robot
-        return [{"at_s": counts / COUNTS_PER_SECOND} | request_of(robot, harm) for counts, harm in self._done]
+        return [{"at_s": counts / COUNTS_PER_SECOND} | request_of(robot, each) for counts, each in self._done]
 
 
-class EmulatedMachine(Target):
+class EmulatedMachine(RobotBoards):
     """A robot's machine on a bus from power-up on: what embedded, live and replayed boards are.
 
     Attributes:
         parts: what it is made of.
         bus: the bus of its boards.
         operations: what is done to it beside its bus.
-        host: what its scenario has made of the host.
-        engine: plays its scenario; None without one.
     """
 
     def __init__(
@@ -158,9 +146,10 @@ class EmulatedMachine(Target):
             operations_max: number of operations that are remembered; None for all.
 
         Raises:
-            InputError: something is wrong in the scenario, or the machine has not what it harms.
+            InputError: the machine has not what an operation or a feature's part concerns.
         """
         robot, options = parts.robot, parts.options
+        schedule = tuple(schedule)
         self.parts = parts
         self.bus: Bus = Bus(options.bits_per_s(robot), log)
         try:
@@ -171,9 +160,10 @@ class EmulatedMachine(Target):
             raise InputError(f"firmware={error}") from error
         super().__init__(robot, simulation, parts.start_steps)
         self.operations: OperationLog = OperationLog(self, operations_max)
-        self.host: HostCondition = HostCondition()
-        scenario = options.scenario_for(robot)
-        self.engine: Engine | None = None if scenario is None else Engine(scenario, self, self.host)
+        for each in schedule:
+            each.operation.check(simulation, each.board)
+        for part in parts.features.values():
+            part.switched_on(self)
 
     def switch_node(self, node_id: int, *, on: bool) -> None:
         """Take the supply from a further node, or give it back; KeyError if there is none of this id."""
@@ -187,6 +177,10 @@ class EmulatedMachine(Target):
     def mismatches(self) -> list[Microsteps]:
         """Return the axes whose driver, board and robot file do not agree on the microsteps per full step."""
         return [each for each in self.microsteps() if not each.agree]
+
+    def parts_document(self) -> dict[str, Any]:
+        """Return what the parts of features say has happened so far, under keys of report.json."""
+        return {key: value for part in self.parts.features.values() for key, value in part.document().items()}
 
     def features_evidence(self) -> dict[str, Any]:
         """Let the parts of features look; return what they have seen since power-up, by name."""

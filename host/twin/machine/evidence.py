@@ -17,7 +17,7 @@ from steptwin.emulator.board.local_clock import LocalClock
 from steptwin.emulator.drivers.driver_bank import AxisTrace
 from steptwin.emulator.drivers.limits import LimitUnit, Violations
 from steptwin.emulator.drivers.outputs import ChipOutputs
-from steptwin.features.faults.target import Target
+from steptwin.host.twin.machine.robot_boards import RobotBoards
 from steptwin.host.verify import (
     AS_PLANNED,
     AxisEvidence,
@@ -40,7 +40,7 @@ _SCALES: Final = {
 _NO_CURRENTS: Final = np.empty(0, np.int16)
 
 
-def axes_evidence(machine: Target, *, currents: bool = True) -> tuple[AxisEvidence, ...]:
+def axes_evidence(machine: RobotBoards, *, currents: bool = True) -> tuple[AxisEvidence, ...]:
     """Return the evidence of all axes since power-up, without `currents` as `axis_evidence`."""
     return tuple(
         in_bus_time(_since_power_up(name, start, board, axis, currents=currents), board.own_clock)
@@ -48,7 +48,7 @@ def axes_evidence(machine: Target, *, currents: bool = True) -> tuple[AxisEviden
     )
 
 
-def axes_by_own_clocks(machine: Target, sync_counts: int) -> tuple[AxisEvidence, ...]:
+def axes_by_own_clocks(machine: RobotBoards, sync_counts: int) -> tuple[AxisEvidence, ...]:
     """Return the evidence of all axes by the crystals of their own boards instead of the bus' time.
 
     Each board's instants are shifted so that its first servo tick after the SYNC is where that of a board with an exact
@@ -64,7 +64,7 @@ def axes_by_own_clocks(machine: Target, sync_counts: int) -> tuple[AxisEvidence,
     return tuple(made)
 
 
-def _axes(machine: Target) -> Iterable[tuple[str, int, tuple[Board, int]]]:
+def _axes(machine: RobotBoards) -> Iterable[tuple[str, int, tuple[Board, int]]]:
     return zip(machine.robot.axis_names, machine.start_steps, machine.axes, strict=True)
 
 

@@ -1,14 +1,16 @@
-"""Changes of a robot's digital inputs, by their names in its file, as operations on an emulated board."""
+"""Changes of a robot's digital inputs, by their names in its file, as operations; operations as requests."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import asdict
+from typing import Any, NamedTuple, cast
 
 from steptwin.controller.node.pins import Pin
+from steptwin.emulator.operations import InputOperation, Operation
 from steptwin.emulator.world.wires import InputWire, OutputWire
-from steptwin.features.faults.kinds.machine import SetInput
-from steptwin.features.faults.requests import wired_input
-from steptwin.features.faults.target import Places
+from steptwin.host.common.features import giving
+from steptwin.host.operate.inputs_outputs import wired_input, wired_inputs
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.machine.robot_boards import Places
 from steptwin.protocol.cia402 import DigitalInput
 
 _OUT_PINS = Pin.OUT1, Pin.OUT2
@@ -38,6 +40,18 @@ class InputChange(NamedTuple):
     at_s: float
 
 
-def set_input(robot: Robot, name: str, *, on: bool) -> SetInput:
+def set_input(robot: Robot, name: str, *, on: bool) -> InputOperation:
     """Return the operation that sets a robot's input on its one board; raise InputError for an unknown name."""
-    return SetInput(*wired_input(robot, name), on)
+    return InputOperation(*wired_input(robot, name), on)
+
+
+def request_of(robot: Robot, operation: Operation) -> dict[str, Any]:
+    """Return an operation as the request of the control port that asks for it; by its fields if there is none."""
+    if isinstance(operation, InputOperation):
+        for name, wired in wired_inputs(robot).items():
+            if wired == (operation.axis, operation.input):
+                return {"do": "input", "input": name, "on": operation.on}
+    for _, requests in giving("requests"):
+        if (request := requests().written(robot, operation)) is not None:
+            return dict(request)
+    return {"do": type(operation).__name__, **asdict(cast("Any", operation))}

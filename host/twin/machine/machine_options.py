@@ -17,8 +17,6 @@ from steptwin.host.common.features import giving
 from steptwin.host.common.numbers import digits_in, finite_number, whole
 
 if TYPE_CHECKING:
-    from steptwin.features.faults.kinds.harm import Harm
-    from steptwin.features.faults.scenario import Scenario
     from steptwin.host.robots.robot import Robot
     from steptwin.protocol.drivers import DriverProfile
 
@@ -121,7 +119,6 @@ class MachineKeywords(TypedDict, total=False):
     stand_at: Standing | None
     driver_profile: str | None
     dip_microsteps: Mapping[str, int] | None
-    scenario: "Scenario | Sequence[Harm] | Path | str | None"
     axes_per_board: Sequence[int] | None
     crystal_ppm: int | Sequence[int]
     bitrate: int | None
@@ -154,12 +151,6 @@ _DIP = Spelling(
     says="Set the switches M1 and M2 of a joint's driver module to other microsteps than the robot file's; repeatable.",
     read=_microsteps,
     repeatable=True,
-)
-_FAULTS = Spelling(
-    option="--faults",
-    value="FILE",
-    example='"faults.toml"',
-    says="Let the faults of a scenario happen: TOML with [[fault]] (docs/faults.md).",
 )
 _BOARDS = Spelling(
     option="--boards",
@@ -205,15 +196,14 @@ _NODES = Spelling(
 class MachineOptions:
     """An emulated machine beside its robot's file. Neither the plan nor the host is told of any of it.
 
-    The spelling of each says what it does. In Python joints may stand by name, the others at home; a path stands for
-    the scenario in that file, and harms for one that begins with them at power-up; one number for the crystals is that
-    of each board, and none means that all are exact; `extras` has the options of features, at most one object of each.
+    The spelling of each says what it does. In Python joints may stand by name, the others at home; one number for the
+    crystals is that of each board, and none means that all are exact; `extras` has the options of features, at most one
+    object of each.
     """
 
     stand_at: Standing | None = field(default=None, metadata={SPELLING: _STANDING})
     driver_profile: str | None = field(default=None, metadata={SPELLING: _DRIVERS})
     dip_microsteps: Mapping[str, int] | None = field(default=None, metadata={SPELLING: _DIP})
-    scenario: "Scenario | Sequence[Harm] | Path | str | None" = field(default=None, metadata={SPELLING: _FAULTS})
     axes_per_board: Sequence[int] | None = field(default=None, metadata={SPELLING: _BOARDS})
     crystal_ppm: int | Sequence[int] = field(default=0, metadata={SPELLING: _CRYSTAL})
     bitrate: int | None = field(default=None, metadata={SPELLING: _BITRATE})
@@ -291,23 +281,22 @@ class MachineOptions:
         }
 
     def check_firmware(self) -> None:
-        """Raise InputError if the firmware is no file, or a scenario is asked for: its reactions are our firmware's."""
-        if self.firmware is None:
-            return
-        if not Path(self.firmware).is_file():
+        """Raise InputError if the firmware is no file."""
+        if self.firmware is not None and not Path(self.firmware).is_file():
             raise InputError(f"firmware={self.firmware}: is no file")
-        if self.scenario is not None:
-            raise InputError(f"firmware={self.firmware}: a scenario is judged by the reactions of StepTwin's firmware")
 
-    def scenario_for(self, robot: "Robot") -> "Scenario | None":
-        """Return the scenario, read for a robot if it is in a file; raise InputError for what is wrong in it."""
-        if self.scenario is None:
-            return None
-        from steptwin.features.faults.scenario import Scenario, read_scenario
 
-        if isinstance(self.scenario, Path | str):
-            return read_scenario(self.scenario, robot)
-        return self.scenario if isinstance(self.scenario, Scenario) else Scenario.from_power_up(self.scenario)
+def read_extras(extras: Sequence[Any], robot: "Robot", folder: Path = Path()) -> tuple[Any, ...]:
+    """Return the options of features with the files read that they name, whose relative paths begin at a folder.
+
+    Raises:
+        InputError: a file cannot be read, or something in it does not fit the robot.
+    """
+    read = list(extras)
+    for feature, reading in giving("read_options"):
+        options = feature.options_in(extras)
+        read = [reading(each, robot, folder) if each is options else each for each in read]
+    return tuple(read)
 
 
 def merged(extras: Sequence[Any], others: Sequence[Any]) -> tuple[Any, ...]:

@@ -21,8 +21,6 @@ from steptwin.emulator.board.drifting_board import DriftingBoard, make_board
 from steptwin.emulator.board.local_clock import CRYSTAL_PPM_MAX, LocalClock
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.simulation import Simulation
-from steptwin.features.faults.kinds.bus import BusOff
-from steptwin.features.faults.kinds.machine import EmergencyStop, WatchdogReset
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import AbortConnection, State
 from steptwin.protocol.frame import COB_SYNC, Frame
@@ -31,6 +29,7 @@ from tests.emulator.pins import WIRES
 from tests.emulator.simulations import MS, SECOND, STEP, wait
 from tests.messages import refusing
 from tests.one_example import one_example
+from tests.operations import BoardOff, EmergencyStop, WatchdogReset
 
 NODES = 0x10, 0x12
 LONG = [PvtRecord((-1) ** i * 40 * STEP, 0, 100, i) for i in range(8)]
@@ -165,7 +164,7 @@ def test_nothing_is_lost_on_the_bus(parting: Run) -> None:
 def test_bus_off_stops_a_board_that_drifts(fast_kernel: Kernel, ppm: int) -> None:
     simulation, _ = started(boards_of(fast_kernel, (ppm, 0)))
     wait(simulation, 300)
-    simulation.operate(BusOff(0), 0)
+    simulation.operate(BoardOff(), 0)
     assert simulation.boards[0].firmware.nodes[0].drive.state is State.FAULT_REACTION_ACTIVE
     wait(simulation, 300)
     assert not simulation.boards[0].moving
@@ -192,7 +191,7 @@ def test_faults_strike_a_board_that_drifts(fast_kernel: Kernel) -> None:
     for node in simulation.boards[1].firmware.nodes:
         node.dictionary.set(od.ABORT_CONNECTION_OPTION, AbortConnection.NO_ACTION)
     simulation.operate(EmergencyStop(pressed=True), 0)
-    simulation.operate(BusOff(0), 1)
+    simulation.operate(BoardOff(), 1)
     wait(simulation, 100.001)
     assert not simulation.boards[0].moving
     assert simulation.boards[1].moving

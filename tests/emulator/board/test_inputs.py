@@ -1,6 +1,6 @@
 """The board's inputs: a switch changes for the firmware with the tick after the driver's count has passed its edge."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -20,13 +20,9 @@ from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.drivers.driver_bank import AxisTrace
 from steptwin.emulator.drivers.driver_module import Module, fitted
 from steptwin.emulator.drivers.limits import Rule
+from steptwin.emulator.operations import InputOperation, Operation, Scheduled
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.world.switches import WEIGHT_ONE, Switch, Travel
-from steptwin.features.faults.kinds import Scheduled
-from steptwin.features.faults.kinds.drivers import DriverProtect
-from steptwin.features.faults.kinds.harm import Operation
-from steptwin.features.faults.kinds.limit_switches import StuckSwitch
-from steptwin.features.faults.kinds.machine import BoardTemperature, EmergencyStop, SetInput, Supply
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, State
 from steptwin.protocol.drivers import Cooling, Coupler
@@ -46,6 +42,7 @@ from tests.emulator.pins import CHIP, PERIOD, WIRES
 from tests.emulator.simulations import MS, STEP
 from tests.messages import refusing
 from tests.one_example import one_example
+from tests.operations import BoardTemperature, DriverProtect, EmergencyStop, StuckSwitch, Supply
 
 NEGATIVE, POSITIVE, HOME = DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LIMIT, DigitalInput.HOME
 NONE = DigitalInput(0)
@@ -487,23 +484,6 @@ class TestOperations:
         simulation.run_until(40 * MS)
         assert seen == [(30 * MS + TICK_COUNTS, [DigitalInput.ESTOP])]
 
-    @pytest.mark.parametrize(
-        ("make", "valid", "invalid"),
-        [
-            (Supply, (0, 65_535), (-1, 65_536)),
-            (BoardTemperature, (-32_768, 32_767), (-32_769, 32_768)),
-            (lambda bits: StuckSwitch(0, DigitalInput(bits), closed=None), (1, 2, 4), (0, 3, 1 << 18)),
-        ],
-    )
-    def test_what_is_impossible_is_refused(
-        self, make: Callable[[int], Operation], valid: tuple[int, ...], invalid: tuple[int, ...]
-    ) -> None:
-        for value in valid:
-            make(value)
-        for value in invalid:
-            with refusing(ValueError):
-                make(value)
-
     def test_each_board_has_its_own(self, fast_kernel: Kernel) -> None:
         boards = [
             Board(BoardConfig((WIRES,)), fast_kernel),
@@ -704,10 +684,10 @@ class TestGeneralInputs:
             simulation.run_until(simulation.now_counts + MS)
             return [node.dictionary.get(od.DIGITAL_INPUTS) for node in nodes]
 
-        simulation.operate(SetInput(1, DigitalInput.IN1, on=True))
-        simulation.operate(SetInput(1, DigitalInput.IN2, on=True))
+        simulation.operate(InputOperation(1, DigitalInput.IN1, on=True))
+        simulation.operate(InputOperation(1, DigitalInput.IN2, on=True))
         assert levels() == [0, 0x000C_0000]
-        simulation.operate(SetInput(1, DigitalInput.IN1, on=False))
+        simulation.operate(InputOperation(1, DigitalInput.IN1, on=False))
         assert levels() == [0, DigitalInput.IN2]
         assert [State.of(node.dictionary.get(od.STATUSWORD)) for node in nodes] == [State.SWITCH_ON_DISABLED] * 2
         simulation.power_cycle()
@@ -720,7 +700,7 @@ class TestGeneralInputs:
         simulation = Simulation([board_of(fast_kernel, 1)], bus)
         simulation.send(Frame(0x000, b"\x01\x00"))
         simulation.run_until(100 * MS)
-        simulation.schedule([Scheduled(120 * MS, SetInput(0, DigitalInput.IN2, on=True))])
+        simulation.schedule([Scheduled(120 * MS, InputOperation(0, DigitalInput.IN2, on=True))])
         simulation.run_until(130 * MS)
         sent = [(counts, frame.data[:4]) for counts, frame in zip(bus.log_counts, bus.log_frames, strict=True)
                 if frame.cob_id == 0x490]  # fmt: skip
@@ -730,7 +710,7 @@ class TestGeneralInputs:
 
     def test_other_inputs_cannot_be_set(self) -> None:
         with refusing(ValueError):
-            SetInput(0, HOME, on=True)
+            InputOperation(0, HOME, on=True)
 
 
 def test_edges_on_two_paths_are_seen_in_their_ticks(fast_kernel: Kernel) -> None:

@@ -1,21 +1,36 @@
 """A bus with stations that the test controls."""
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.bus.can_controller import CanController
-from steptwin.features.faults.kinds.bus import BusFault
+from steptwin.emulator.bus.frame_filter import FrameFilter, StrikeEffect
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.frame import Frame
+
+
+@dataclass(frozen=True)
+class SenderOff:
+    """A filter that puts the sender of one frame into bus-off."""
+
+    cob_ids: tuple[int, ...]
+    do: str = "sender-off"
+    rate: float = 1.0
+    skip: int = 0
+    count: int | None = 1
+
+    def effect(self) -> StrikeEffect:
+        return StrikeEffect(sender_off=True)
 
 
 class BusRig:
     """A bus whose stations note each frame that they receive, as (counts, frame)."""
 
-    def __init__(self, bitrate: int = 1_000_000, stations: int = 2, faults: Iterable[BusFault] = ()) -> None:
+    def __init__(self, bitrate: int = 1_000_000, stations: int = 2, faults: Iterable[FrameFilter] = ()) -> None:
         self.bus = Bus(bitrate)
         for fault in faults:
-            self.bus.faults.begin(fault)
+            self.bus.filters.begin(fault)
         self.heard: list[list[tuple[int, Frame]]] = [[] for _ in range(stations)]
         self.errors: list[tuple[int, int, ErrorCode, bool]] = []
         """Reported errors as (counts, station, code, active)."""

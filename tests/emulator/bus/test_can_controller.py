@@ -7,10 +7,10 @@ from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.bus.can_controller import CanController, ErrorState, FaultConfinement
 from steptwin.emulator.simulation import Simulation
-from steptwin.features.faults.kinds.bus import SenderOff
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.frame import Frame
+from tests.emulator.bus.bus_rig import SenderOff
 from tests.emulator.pins import WIRES
 from tests.emulator.simulations import MS
 
@@ -287,7 +287,7 @@ def test_the_way_back_from_bus_off_is_reported(fast_kernel: Kernel) -> None:
 
 def test_send_waits_for_a_board_that_leaves_the_bus_with_its_answer(fast_kernel: Kernel) -> None:
     simulation = Simulation([Board(BoardConfig((WIRES,)), fast_kernel)], Bus(1_000_000))
-    simulation.bus.faults.begin(SenderOff((0x590,), count=1))
+    simulation.bus.filters.begin(SenderOff((0x590,)))
     simulation.run_until(10 * MS)
     simulation.send(Frame(0x610, bytes.fromhex("4000100000000000")))
     assert Frame(0x590, bytes.fromhex("4300100092010400")) in simulation.bus.log_frames

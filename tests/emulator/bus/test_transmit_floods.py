@@ -10,7 +10,6 @@ from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.bus.can_controller import MAILBOXES
 from steptwin.emulator.simulation import Simulation
-from steptwin.features.faults.kinds.machine import EmergencyStop
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode, Overrun
 from steptwin.protocol.emergency import PLACES as EMCY_PLACES
@@ -32,6 +31,7 @@ from steptwin.protocol.nmt import ErrorBehaviour, NmtCommand
 from steptwin.protocol.objects import ASYNCHRONOUS
 from tests.emulator.pins import WIRES
 from tests.emulator.simulations import MS, wait
+from tests.operations import EmergencyStop
 
 AXES = 6
 NODES = range(FIRST_NODE_ID, FIRST_NODE_ID + AXES)

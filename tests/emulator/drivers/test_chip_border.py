@@ -8,7 +8,6 @@ import pytest
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.drivers.driver_module import Module
-from steptwin.features.faults.kinds.drivers import OscCapacitor
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Cubic
 from steptwin.host.planning.motions.joint_move import JointMove
@@ -22,6 +21,7 @@ from steptwin.protocol.drivers import PROFILES, Coupler, DriverProfile, Fact, In
 from tests.emulator.drivers.edge_counter import EDGE_COUNTER, MADE, SUBSTEPS
 from tests.emulator.pins import WIRES
 from tests.messages import refusing
+from tests.operations import OscCapacitor
 
 COUNTER = Module(EDGE_COUNTER)
 SLOW = Fact(Coupler(10_000, 10_000), MADE)

@@ -8,10 +8,7 @@ from collections.abc import Callable
 from random import Random
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.faults.kinds.drivers import DriverProtect
-from steptwin.features.faults.kinds.harm import Operation
-from steptwin.features.faults.kinds.limit_switches import StuckSwitch
-from steptwin.features.faults.kinds.machine import BoardTemperature, EmergencyStop, Supply
+from steptwin.emulator.operations import Operation
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import SWITCH_INPUTS, Mode
 from steptwin.protocol.entry import Access, Entry, Mapping
@@ -36,6 +33,7 @@ from tests.emulator.random_host.machine import ACCELERATION, STEP, VELOCITY_MAX,
 from tests.emulator.random_host.machines import random_setup
 from tests.emulator.random_host.sdo import download, request
 from tests.emulator.random_host.session import Action, BusOff, Pause, PowerCycle, Session, Step
+from tests.operations import BoardTemperature, DriverProtect, EmergencyStop, StuckSwitch, Supply
 
 SAVE = int.from_bytes(b"save", "little")
 LOAD = int.from_bytes(b"load", "little")

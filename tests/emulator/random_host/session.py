@@ -8,14 +8,12 @@ from typing import Any, NamedTuple
 
 from steptwin.emulator.board.board import BoardConfig
 from steptwin.emulator.drivers.driver_module import fitted
+from steptwin.emulator.operations import Operation
 from steptwin.emulator.world.switches import Switch
-from steptwin.features.faults.kinds.drivers import DriverProtect
-from steptwin.features.faults.kinds.harm import Operation
-from steptwin.features.faults.kinds.limit_switches import StuckSwitch
-from steptwin.features.faults.kinds.machine import BoardTemperature, EmergencyStop, Supply
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.drivers import bare_chip
 from steptwin.protocol.frame import Frame
+from tests.operations import BoardTemperature, DriverProtect, EmergencyStop, StuckSwitch, Supply
 
 
 @dataclass(frozen=True, slots=True)

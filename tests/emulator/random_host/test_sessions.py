@@ -9,8 +9,7 @@ from steptwin.controller.modes.profile_velocity import ProfileVelocity
 from steptwin.controller.motion import kernel as k
 from steptwin.controller.motion.axis_motion import AxisMotion
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.faults.kinds.harm import Operation
-from steptwin.features.faults.kinds.machine import EmergencyStop
+from steptwin.emulator.operations import Operation
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, SWITCH_ON, Mode
 from steptwin.protocol.frame import COB_NMT, COB_SDO_REQUEST, FIRST_NODE_ID, Frame
@@ -22,6 +21,7 @@ from tests.emulator.random_host.session import BusOff, Pause, PowerCycle, Sessio
 from tests.emulator.random_host.shrink import shrunk
 from tests.emulator.random_host.trial import REPEATED, fault_of, trial
 from tests.emulator.simulations import MS, STEP
+from tests.operations import EmergencyStop
 
 pytestmark = on_sources_only
 CASES = sorted((Path(__file__).parent / "cases").glob("*.jsonl"))

@@ -18,10 +18,11 @@ from steptwin.features.campaigns.values import drawn, read_template
 from steptwin.features.campaigns.variations import VARIATIONS, RampSource
 from steptwin.features.faults.kinds.harm import Harm
 from steptwin.features.faults.kinds.host import HostFault, HostFaultKind
+from steptwin.features.faults.moment import AxisMoment, Moment
 from steptwin.features.faults.reactions import DOCUMENTED, documented
-from steptwin.features.faults.requests import REQUESTS, STATE, read_request
-from steptwin.features.faults.target import AxisMoment, Moment
+from steptwin.features.faults.requests import REQUESTS, read_request
 from steptwin.features.motors.options import MotorsTurn
+from steptwin.host.common.choices import STATE
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.cia402 import DigitalInput, State

@@ -19,7 +19,7 @@ from steptwin.features.campaigns.row import Ended
 from steptwin.features.campaigns.running import perform, run_seed, run_trial
 from steptwin.features.campaigns.trial import draw
 from steptwin.features.faults.reaction import GOES_ON, RUN_DRY, stops
-from steptwin.features.faults.report import FaultReport, ScenarioReport
+from steptwin.features.faults.report import FaultReport, ScenarioReport, report_in
 from steptwin.features.motors.options import MotorsTurn
 from steptwin.features.motors.turning import JointLoad, MotorVerdict
 from steptwin.features.motors.turning.verdict import ToolReached
@@ -74,7 +74,7 @@ def test_what_a_board_cannot_know_tells_no_margin_of_its_axes(
 ) -> None:
     assert healthy.outcome is not None
     fault = FaultReport("it", {}, "at once", reaction=replace(GOES_ON, verified=verified))
-    outcome = replace(healthy.outcome, scenario=ScenarioReport("one", 1, (fault,), ()))
+    outcome = replace(healthy.outcome, verdicts={"faults": ScenarioReport("one", 1, (fault,), ())})
     run = replace(healthy, outcome=outcome)
     of_axes = ("threshold", "step rate")
     assert {name for name in of_axes if MARGINS[name].of(run) is not None} == told
@@ -130,10 +130,10 @@ def _with_report(run: Performance, *reasons: str) -> Performance:
 
 def _with_fault(run: Performance, **changes: Any) -> Performance:
     assert run.outcome is not None
-    assert run.outcome.scenario is not None
-    scenario = run.outcome.scenario
+    scenario = report_in(run.outcome.verdicts)
+    assert scenario is not None
     changed = replace(scenario, faults=(replace(scenario.faults[0], **changes),))
-    return replace(run, outcome=replace(run.outcome, scenario=changed))
+    return replace(run, outcome=replace(run.outcome, verdicts={"faults": changed}))
 
 
 def _with_claim(run: Performance, off_steps: float, *, known: bool = True) -> Performance:

@@ -7,7 +7,8 @@ from typing import Final
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.faults.report import ScenarioReport
+from steptwin.features.faults.options import FaultOptions
+from steptwin.features.faults.report import ScenarioReport, report_in
 from steptwin.features.faults.scenario import Scenario, parse_scenario
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.jobs import make_job
@@ -58,10 +59,10 @@ def played(
         carry(drivers),
         "carry",
         kernel,
-        scenario=scenario(text),
-        extras=_turning() if motors else (),
+        extras=[FaultOptions(scenario=scenario(text)), *(_turning() if motors else ())],
         axes_per_board=boards,
         crystal_ppm=crystals,
     )
-    assert outcome.scenario is not None
-    return outcome, outcome.scenario
+    report = report_in(outcome.verdicts)
+    assert report is not None
+    return outcome, report

@@ -5,6 +5,8 @@ import pytest
 from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.features.faults.engine import HostLostError
+from steptwin.features.faults.options import FaultOptions
+from steptwin.features.faults.part import part_of, repair
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.twin.machine.machine_options import MachineOptions
@@ -133,16 +135,19 @@ def test_a_repair_leaves_the_machine_as_it_was_before_the_first_fault(fast_kerne
         do = "supply"
         supply_v = 12
         """
-    execute(carry(), "carry", fast_kernel, scenario=scenario(text), on_board=boards.append)
-    boards[0].repair()
-    assert boards[0].engine is not None
-    assert boards[0].engine.target.surroundings.supply_10mv == 2400
+    execute(carry(), "carry", fast_kernel, extras=[FaultOptions(scenario=scenario(text))], on_board=boards.append)
+    repair(boards[0])
+    part = part_of(boards[0])
+    assert part is not None
+    assert part.engine.target.surroundings.supply_10mv == 2400
 
 
 def test_a_wait_ends_in_which_the_host_dies_before_its_next_heartbeat(fast_kernel: Kernel) -> None:
     """The heartbeat that is due then is not sent, and not waited for."""
     death = scenario('[[fault]]\npower_up_s = 0.03\ndo = "host"\nhow = "death"\n')
-    board = EmbeddedBoard(ROBOT, fast_kernel, MachineOptions(stand_at=list(carry().start_joints), scenario=death))
+    board = EmbeddedBoard(
+        ROBOT, fast_kernel, MachineOptions(stand_at=list(carry().start_joints), extras=[FaultOptions(scenario=death)])
+    )
     board.network.send_periodic(0x77F, b"\x05", 0.04)
     until_s = board.now_s() + 0.1
     with refusing(HostLostError):

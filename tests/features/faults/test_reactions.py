@@ -13,14 +13,16 @@ from steptwin.features.faults.kinds.bus import BusOff
 from steptwin.features.faults.kinds.drivers import DriverMode, DriverProtect, OscCapacitor
 from steptwin.features.faults.kinds.harm import Harm
 from steptwin.features.faults.kinds.machine import BrownOut, EmergencyStop, PowerUp, WatchdogReset
-from steptwin.features.faults.on_purpose import print_faults
+from steptwin.features.faults.on_purpose import print_run
+from steptwin.features.faults.options import FaultOptions
 from steptwin.features.faults.reaction import GOES_ON, Motion, Reaction
 from steptwin.features.faults.reactions import DOCUMENTED, concerned
-from steptwin.features.faults.report import FaultReport, NotBegunError, ScenarioReport
+from steptwin.features.faults.report import FaultReport, ScenarioReport, report_in
 from steptwin.features.faults.scenario import Scenario
 from steptwin.host.cli.app import run
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.twin.embedded.execution import execute
+from steptwin.host.twin.embedded.outcome import NotBegunError
 from steptwin.protocol.cia402 import ErrorCode, State
 from tests.features.faults.short_runs import ROBOT, carry, played, scenario
 from tests.messages import refusing
@@ -300,7 +302,7 @@ def expecting(kernel: Kernel, text: str, reaction: Reaction) -> tuple[FaultRepor
     """Carry while one fault happens for which this reaction is expected instead of the documented one."""
     read = scenario(f"[[fault]]\nat_s = 0.3\n{text}\n")
     wanted = Scenario(read.name, (replace(read.faults[0], name="it", expected=reaction),))
-    report = execute(carry(), "carry", kernel, scenario=wanted).scenario
+    report = report_in(execute(carry(), "carry", kernel, extras=[FaultOptions(scenario=wanted)]).verdicts)
     assert report is not None
     return report.faults[0], report
 
@@ -370,10 +372,11 @@ def test_another_answer_fails_the_scenario(
 def test_a_stop_that_no_fault_explains_fails_the_scenario(fast_kernel: Kernel) -> None:
     """The stream is cut, which the scenario does not know of."""
     read = scenario('[[fault]]\nat_s = 0.05\ndo = "temperature"\ntemperature_degc = 50\n')
-    outcome = execute(carry(), "carry", fast_kernel, cut_stream_s=0.4, scenario=read)
-    assert outcome.scenario is not None
+    outcome = execute(carry(), "carry", fast_kernel, cut_stream_s=0.4, extras=[FaultOptions(scenario=read)])
+    report = report_in(outcome.verdicts)
+    assert report is not None
     assert outcome.fault is not None
-    assert outcome.scenario.reasons[-1] == "the motion stopped, and no fault of the scenario may stop it"
+    assert report.reasons[-1] == "the motion stopped, and no fault of the scenario may stop it"
 
 
 def test_what_a_motion_that_never_begins_has_met(
@@ -384,9 +387,11 @@ def test_what_a_motion_that_never_begins_has_met(
     with refusing(BusError) as caught:
         played(fast_kernel, late)
     assert isinstance(caught.value, NotBegunError)
-    (fault,) = caught.value.scenario.faults
+    report = report_in(caught.value.verdicts)
+    assert report is not None
+    (fault,) = report.faults
     assert (fault.strikes, fault.what, fault.as_documented) == (1, "frames delayed", True)
-    assert caught.value.scenario.reasons[-1].startswith("no motion began: a frame has waited 1 s for the bus: ")
+    assert report.reasons[-1].startswith("no motion began: a frame has waited 1 s for the bus: ")
     path = tmp_path / "pressed.toml"
     path.write_text('name = "early"\n[[fault]]\npower_up_s = 0.001\ndo = "estop"\npressed = true\n')
     assert run(["run", "teaching-scara", "carry", "--faults", str(path)]) == 3
@@ -413,7 +418,7 @@ def test_nobody_knows_what_was_lost_over_a_reset(fast_kernel: Kernel, capsys: py
     told = "th1 (node 0x10) has restarted (boot-up message); its position is unknown: home it"
     assert outcome.fault.message == told
     assert report.passed, report.reasons
-    print_faults(outcome.to_dict())
+    print_run(outcome.to_dict())
     assert capsys.readouterr().out.count("unknown after a reset") == 2
 
 
@@ -460,7 +465,7 @@ def test_a_harm_to_a_part_that_the_chip_lacks_is_refused(
     fast_kernel: Kernel, driver: str, harm: Harm, told: str | None
 ) -> None:
     def play() -> None:
-        execute(carry(), "carry", fast_kernel, driver_profile=driver, scenario=[harm])
+        execute(carry(), "carry", fast_kernel, driver_profile=driver, extras=[FaultOptions(scenario=[harm])])
 
     if told is None:
         play()
@@ -473,10 +478,16 @@ def test_a_motion_that_fails_without_a_reason_fails_the_scenario(fast_kernel: Ke
     """The drivers are in another mode than planned, which no fault of the scenario explains."""
     read = scenario('[[fault]]\nat_s = 0.3\ndo = "temperature"\ntemperature_degc = 50\n')
     outcome = execute(
-        carry(), "carry", fast_kernel, driver_profile="3a-module", dip_microsteps={"th1": 8}, scenario=read
+        carry(),
+        "carry",
+        fast_kernel,
+        driver_profile="3a-module",
+        dip_microsteps={"th1": 8},
+        extras=[FaultOptions(scenario=read)],
     )
-    assert outcome.scenario is not None
+    report = report_in(outcome.verdicts)
+    assert report is not None
     assert outcome.fault is None
     reasons, silent = outcome.report.reasons, "1 temperature: th1: 834 steps lost in silence"
     assert reasons
-    assert outcome.scenario.reasons == (silent, *reasons)
+    assert report.reasons == (silent, *reasons)

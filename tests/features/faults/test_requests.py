@@ -10,6 +10,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.drivers.axis_wires import Noise, Wire, WireState
+from steptwin.emulator.operations import Operation
 from steptwin.features.faults.kinds import HARMS as FAMILIES
 from steptwin.features.faults.kinds.bus import (
     Babble,
@@ -22,7 +24,7 @@ from steptwin.features.faults.kinds.bus import (
     StrangerSends,
 )
 from steptwin.features.faults.kinds.drivers import DriverMode, DriverProtect, OscCapacitor, ShortCircuit
-from steptwin.features.faults.kinds.harm import Harm, Operation
+from steptwin.features.faults.kinds.harm import Harm
 from steptwin.features.faults.kinds.host import HostFault, HostFaultKind
 from steptwin.features.faults.kinds.limit_switches import BouncingSwitch, Contact, StuckSwitch, SwitchWire
 from steptwin.features.faults.kinds.machine import (
@@ -36,12 +38,11 @@ from steptwin.features.faults.kinds.machine import (
     Supply,
     WatchdogReset,
 )
-from steptwin.features.faults.kinds.wiring import Noise, SetWire, Wire, WireState
+from steptwin.features.faults.kinds.wiring import SetWire
 from steptwin.features.faults.requests import FRAMES as FRAME_NAMES
 from steptwin.features.faults.requests import (
     INJECTED,
     REQUESTS,
-    STATE,
     cob_ids,
     keys_of,
     metavar,
@@ -49,7 +50,7 @@ from steptwin.features.faults.requests import (
     request_of,
     request_of_words,
 )
-from steptwin.host.common.choices import Stuck
+from steptwin.host.common.choices import STATE, Stuck
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.board_settings import Input

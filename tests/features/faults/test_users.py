@@ -8,13 +8,15 @@ from pathlib import Path
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
+from steptwin.features.faults import NAME
 from steptwin.features.faults.kinds.host import HostFault, HostFaultKind
 from steptwin.features.faults.kinds.machine import EmergencyStop
+from steptwin.features.faults.options import FaultOptions
 from steptwin.features.faults.scenario import Fault, Scenario
 from steptwin.features.faults.triggers import AtState, AtTime
 from steptwin.host.cli.app import run
 from steptwin.host.common.errors import InputError
-from steptwin.host.twin.board_under_test import BoardUnderTest, scenario_faults
+from steptwin.host.twin.board_under_test import BoardUnderTest, parts_in_words
 from steptwin.host.twin.live.live_board import LiveBoard
 from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.protocol.cia402 import State
@@ -110,7 +112,11 @@ def test_a_live_board_plays_a_scenario(fast_kernel: Kernel) -> None:
         fast_kernel,
         MachineOptions(
             axes_per_board=(2, 2),
-            scenario=Scenario("live", (stop, Fault("later", AtTime(1.0), EmergencyStop(pressed=True)))),
+            extras=[
+                FaultOptions(
+                    scenario=Scenario("live", (stop, Fault("later", AtTime(1.0), EmergencyStop(pressed=True))))
+                )
+            ],
             bitrate=1_000_000,
         ),
     )
@@ -144,27 +150,26 @@ def test_a_live_board_plays_a_scenario(fast_kernel: Kernel) -> None:
 def test_a_live_board_has_no_host_of_its_own(fast_kernel: Kernel) -> None:
     dying = Scenario("dying", (Fault("it", AtTime(1), HostFault(HostFaultKind.DEATH)),))
     with refusing(InputError):
-        LiveBoard(ROBOT, fast_kernel, MachineOptions(scenario=dying))
+        LiveBoard(ROBOT, fast_kernel, MachineOptions(extras=[FaultOptions(scenario=dying)]))
 
 
 def test_a_board_for_tests_plays_a_scenario(tmp_path: Path, fast_kernel: Kernel) -> None:
     path = written(tmp_path, 'name = "press"\npower_up_s = 0.05\ndo = "estop"\npressed = true\n', LATE)
-    board = BoardUnderTest(ROBOT, kernel=fast_kernel, scenario=path)
-    assert [fault["strikes"] for fault in board.faults()] == [0, 0]
+    board = BoardUnderTest(ROBOT, kernel=fast_kernel, extras=[FaultOptions(scenario=path)])
+    assert [fault["strikes"] for fault in board.happened()[NAME]] == [0, 0]
     board.wait(0.1)
-    press, never = board.faults()
+    press, never = board.happened()[NAME]
     assert (press["struck_s"], press["emcys"], never["struck_s"]) == (0.05, [], None)
     assert (press["strikes"], never["strikes"]) == (1, 0)
-    told = scenario_faults(board).splitlines()
+    told = parts_in_words(board)[NAME].splitlines()
     assert told == [
         "press: at 0.05 s from power-up: struck at 0.050000 s, 1 times, no EMCY",
         "never: at 9 s: never struck, 0 times, no EMCY",
     ]
-    assert BoardUnderTest(ROBOT, kernel=fast_kernel).faults() == []
+    assert BoardUnderTest(ROBOT, kernel=fast_kernel).happened() == {}
     with refusing(InputError):
-        BoardUnderTest(
-            ROBOT, kernel=fast_kernel, scenario=written(tmp_path, "at_s = -1\n" + STOP.partition("0.4\n")[2])
-        )
+        wrong = FaultOptions(scenario=written(tmp_path, "at_s = -1\n" + STOP.partition("0.4\n")[2]))
+        BoardUnderTest(ROBOT, kernel=fast_kernel, extras=[wrong])
 
 
 @pytest.mark.slow

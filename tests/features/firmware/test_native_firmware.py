@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from steptwin.features.faults.kinds.machine import EmergencyStop, Supply
+from steptwin.features.faults.options import FaultOptions
 from steptwin.features.firmware.process import FirmwareError
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
@@ -158,4 +159,4 @@ def test_a_file_that_is_no_library_and_what_needs_our_firmware(example: Path, mo
     with refusing(InputError):
         execute(motion, "carry", firmware=example)
     with refusing(InputError):
-        BoardUnderTest(ROBOT, firmware=example, scenario=[EmergencyStop(pressed=True)])
+        BoardUnderTest(ROBOT, firmware=example, extras=[FaultOptions(scenario=[EmergencyStop(pressed=True)])])

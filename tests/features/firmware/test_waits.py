@@ -2,8 +2,9 @@
 
 import pytest
 
+from steptwin.emulator.drivers.axis_wires import Wire, WireState
 from steptwin.features.faults.kinds.machine import BrownOut, EmergencyStop, WatchdogReset
-from steptwin.features.faults.kinds.wiring import SetWire, Wire, WireState
+from steptwin.features.faults.kinds.wiring import SetWire
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.board_under_test import BoardUnderTest
 from tests.features.firmware.compilers import CPP, NEEDS_GCC, Build

@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.faults.kinds import Scheduled
+from steptwin.emulator.operations import Scheduled
 from steptwin.features.faults.kinds.bus import BusOff, HostBitRate, StrangerSends
 from steptwin.features.faults.kinds.machine import EmergencyStop, SetInput, WatchdogReset
+from steptwin.features.faults.options import FaultOptions
 from steptwin.features.faults.scenario import Fault, Scenario
 from steptwin.features.faults.triggers import AtTime
 from steptwin.features.replay.command import say_result
@@ -98,7 +99,7 @@ def test_the_scenario_of_a_live_board(fast_kernel: Kernel, tmp_path: Path) -> No
         Fault("reset", AtTime(0.07), WatchdogReset(axis=4)),
     )
     scenario = Scenario("a stop and a reset", faults)
-    session = LiveSession(fast_kernel, tmp_path, axes_per_board=(4, 2), scenario=scenario)
+    session = LiveSession(fast_kernel, tmp_path, axes_per_board=(4, 2), extras=[FaultOptions(scenario=scenario)])
     move(session)
     session.end()
     done = [(each["do"], each.get("joint")) for each in session.board.report()["operations"]]

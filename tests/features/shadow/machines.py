@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from math import inf
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.faults.kinds.harm import Operation
+from steptwin.emulator.operations import Operation
 from steptwin.features.replay.power_up import MachineAtPowerUp
 from steptwin.features.shadow.discrepancy import Discrepancy
 from steptwin.features.shadow.shadow import Shadow

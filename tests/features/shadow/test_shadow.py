@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.faults.kinds.harm import Operation
+from steptwin.emulator.operations import Operation
 from steptwin.features.faults.kinds.machine import EmergencyStop, Slip, WatchdogReset
 from steptwin.features.replay.power_up import MachineAtPowerUp
 from steptwin.features.shadow.discrepancy import Discrepancy, DiscrepancyKind

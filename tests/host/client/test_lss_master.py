@@ -8,13 +8,13 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.simulation import Simulation
-from steptwin.features.faults.kinds.bus import HostBitRate
 from steptwin.host.common.errors import BusError
 from steptwin.host.twin.embedded.embedded_network import EmbeddedNetwork
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 from tests.emulator.pins import WIRES
 from tests.host.client.other_masters import enable, node402, set_up
 from tests.messages import refusing
+from tests.operations import HostBitRate
 
 VENDOR, PRODUCT, REVISION = 0, 0x6560, 0x0001_0000
 """Of every axis."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from steptwin.features.faults.kinds.machine import SetInput
+from steptwin.emulator.operations import InputOperation
 from steptwin.host.client import InputWait, Machine, OutputCommand, StreamedMotion
 from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
 from steptwin.host.client.waits import HOLD_MS, LEAD_MS, divide
@@ -35,7 +35,7 @@ def there_and_on() -> tuple[AxisRecords, ...]:
 
 
 def set_part(board: EmbeddedBoard, *, on: bool) -> None:
-    board.operate(SetInput(TH1, DigitalInput.IN1, on))
+    board.operate(InputOperation(TH1, DigitalInput.IN1, on))
 
 
 def go_on_until(machine: Machine, board: EmbeddedBoard, t_s: float, poll_s: float = 0.001) -> None:

@@ -8,8 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.faults.kinds.drivers import DriverProtect
-from steptwin.features.faults.kinds.limit_switches import StuckSwitch
 from steptwin.host.common.errors import DeviceFaultError
 from steptwin.host.operate.homing import home_robot
 from steptwin.host.operate.moving import move
@@ -21,6 +19,7 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, State
 from tests.host.robots.gantries import COREXY, STEPS_PER_MM, SWITCH_MM, belts_text
 from tests.messages import refusing
+from tests.operations import DriverProtect, StuckSwitch
 
 STEP_MM = 1 / STEPS_PER_MM
 """Way of a joint when both motors make a step."""

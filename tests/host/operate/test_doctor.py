@@ -5,7 +5,6 @@ import json
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.faults.kinds.machine import Supply
 from steptwin.host.client.links import bus_link
 from steptwin.host.common.errors import BusError
 from steptwin.host.operate.doctor import examine
@@ -15,6 +14,7 @@ from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from tests.host.client.machines import TH2, TH3
 from tests.host.operate.sessions import ROBOT, CommandLine
+from tests.operations import Supply
 
 
 def test_a_healthy_machine(steptwin: CommandLine, session: Session) -> None:

@@ -2,7 +2,6 @@
 
 import pytest
 
-from steptwin.features.faults.kinds.machine import BrownOut, WatchdogReset
 from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.host.operate.moving import move
 from steptwin.host.operate.recovering import emergency_stop, reset, stop
@@ -12,6 +11,7 @@ from steptwin.protocol import od
 from tests.host.client.machines import TH2, Neighbour, silence_heartbeat
 from tests.host.operate.sessions import HOME, ROBOT, CommandLine
 from tests.messages import refusing
+from tests.operations import BrownOut, WatchdogReset
 
 MOVING = (
     "move warehouse-scara th1=1",

@@ -4,9 +4,6 @@ import numpy as np
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.faults.kinds.drivers import DriverProtect
-from steptwin.features.faults.kinds.limit_switches import StuckSwitch
-from steptwin.features.faults.kinds.machine import Slip
 from steptwin.host.common.errors import DeviceFaultError, InputError
 from steptwin.host.operate.homing import home_robot
 from steptwin.host.operate.jogging import jog
@@ -20,6 +17,7 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput
 from tests.host.robots.gantries import SECOND, SKEW_MAX_MM, STEPS_PER_MM, UNITS_PER_MM, gantry_text
 from tests.messages import refusing
+from tests.operations import DriverProtect, Slip, StuckSwitch
 
 Y, Y2 = 1, 2
 STEP_MM = 1 / STEPS_PER_MM

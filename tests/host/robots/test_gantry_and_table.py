@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.faults.kinds.machine import Slip
 from steptwin.host.operate.homing import home_robot
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import read_status
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.twin.board_under_test import BoardUnderTest
+from tests.operations import Slip
 
 GANTRY, TABLE = load_robot("corexy-gantry"), load_robot("turntable")
 

@@ -3,41 +3,33 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from steptwin.controller.motion.backend import Kernel
+from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.planner import plan
+from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded.execution import execute
-from steptwin.host.verify import Phases
+from steptwin.host.verify import AxisEvidence, Phases
 from steptwin.host.verify.counted import powerless_steps
-from tests.features.faults.short_runs import carry, played
 
 
-def test_steps_without_current_are_told(fast_kernel: Kernel) -> None:
-    """The wire of ENABLE is broken for 0.3 s; the driver's own count is as planned."""
-    outcome, _ = played(
-        fast_kernel,
-        '[[fault]]\nat_s = 0.3\nfor_s = 0.3\ndo = "wire"\njoint = "th1"\nwire = "enable"\ncondition = "broken"\n',
-    )
-    th1 = outcome.comparison.evidence.axes[0]
-    start_counts = outcome.comparison.evidence.start_counts
-    times_s = (th1.step_counts - start_counts) / 72e6
-    between = np.count_nonzero((times_s > 0.3 + 250e-6) & (times_s < 0.6))
-    count = powerless_steps(th1, start_counts)
-    assert between <= count <= between + 2
-    assert outcome.report.reasons == (
-        f"th1: {count} steps came while the driver's outputs were off: the motor did not follow",
-    )
+@pytest.fixture(scope="module")
+def axis(fast_kernel: Kernel) -> AxisEvidence:
+    """An axis of a motion of a second."""
+    robot = load_robot("teaching-scara")
+    run = execute(plan(robot, make_job(robot, "carry", {})), "carry", fast_kernel)
+    return run.comparison.evidence.axes[0]
 
 
-def test_evidence_without_currents_has_none(fast_kernel: Kernel) -> None:
-    axis = execute(carry(), "carry", fast_kernel).comparison.evidence.axes[0]
+def test_evidence_without_currents_has_none(axis: AxisEvidence) -> None:
     assert powerless_steps(axis, 0) == 0
     nothing = Phases(axis.phases.counts[:0], axis.phases.substeps[:0], axis.phases.a_ma[:0], axis.phases.b_ma[:0])
     assert powerless_steps(replace(axis, phases=nothing), 0) == 0
 
 
-def test_steps_before_the_first_known_current_do_not_count(fast_kernel: Kernel) -> None:
+def test_steps_before_the_first_known_current_do_not_count(axis: AxisEvidence) -> None:
     """The driver is off at the end: that says nothing about what was before the first change."""
-    axis = execute(carry(), "carry", fast_kernel).comparison.evidence.axes[0]
     steps = np.array([50, 100, 101, 150, 201, 250])
     angles = np.zeros(2, np.int32)
     off_at_the_end = Phases(np.array([100, 200]), angles, np.array([1500, 0], np.int16), np.zeros(2, np.int16))

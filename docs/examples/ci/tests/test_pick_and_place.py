@@ -5,7 +5,7 @@ import pytest
 from pick_and_place.arm import Arm, ArmError
 from pick_and_place.planner import Point, plan_move
 
-from steptwin import BoardUnderTest, EmergencyStop, FrameLoss, Sampled, Scheduled
+from steptwin import BoardUnderTest, EmergencyStop, FaultOptions, FrameLoss, Sampled, Scheduled
 
 COUNTS_PER_S = 72_000_000
 HALF_A_STEP = 0.02
@@ -40,7 +40,7 @@ def test_the_gripper_closes(steptwin_board: BoardUnderTest, arm: Arm) -> None:
     assert steptwin_board.outputs() == {"gripper": True}
 
 
-@pytest.mark.steptwin(scenario=[FrameLoss(cob_ids=range(0x510, 0x514), skip=20, count=1)])
+@pytest.mark.steptwin(extras=[FaultOptions(scenario=[FrameLoss(cob_ids=range(0x510, 0x514), skip=20, count=1)])])
 def test_a_lost_record_is_sent_again(steptwin_board: BoardUnderTest, arm: Arm) -> None:
     arm.move(MOVE)
     assert steptwin_board.verify(planned(steptwin_board, MOVE)).passed

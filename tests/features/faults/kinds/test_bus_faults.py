@@ -4,9 +4,9 @@ import pytest
 
 from steptwin.emulator.bus.can_controller import ErrorState
 from steptwin.emulator.bus.can_timing import frame_bits
+from steptwin.emulator.bus.frame_filter import FiltersInForce
 from steptwin.features.faults.kinds.bus import (
     BusFault,
-    FaultsInForce,
     FrameCorruption,
     FrameDelay,
     FrameDuplicate,
@@ -174,9 +174,9 @@ def test_the_end_of_a_delay_lets_its_sender_go(*, all_faults: bool) -> None:
     rig.run(1_000_000)
     assert rig.bus.log_frames == []
     if all_faults:
-        rig.bus.end_faults(1_000_000)
+        rig.bus.end_filters(1_000_000)
     else:
-        rig.bus.end_fault(day, 1_000_000)
+        rig.bus.end_filter(day, 1_000_000)
     rig.run()
     assert rig.bus.log_frames == [FRAME]
     assert rig.bus.log_counts[0] == 1_000_000 + rig.bits(BITS - 4 + 8)
@@ -187,14 +187,14 @@ def test_the_end_of_another_fault_leaves_a_delay() -> None:
     rig = rig_with(delay, loss)
     rig.stations[0].send(FRAME, 0)
     rig.run(1000)
-    rig.bus.end_fault(loss, 1000)
+    rig.bus.end_filter(loss, 1000)
     rig.run()
     assert rig.bus.log_counts[0] == 1_000_000 + rig.bits(BITS - 4)
 
 
 def test_a_fault_strikes_from_its_beginning_to_its_end() -> None:
     """The end is that of the very fault, not of an equal one."""
-    faults, fault = FaultsInForce(), FrameLoss()
+    faults, fault = FiltersInForce(), FrameLoss()
     struck = []
     for counts in range(0, 300, 50):
         if counts == 100:
@@ -208,7 +208,7 @@ def test_a_fault_strikes_from_its_beginning_to_its_end() -> None:
 
 def test_a_rate_is_drawn_from_the_seed() -> None:
     def strikes(seed: int) -> list[bool]:
-        faults = FaultsInForce()
+        faults = FiltersInForce()
         faults.reseed(seed)
         faults.begin(FrameLoss(rate=0.3))
         return [faults.strike(FRAME, 0) is not None for _ in range(1000)]

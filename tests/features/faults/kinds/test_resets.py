@@ -9,8 +9,8 @@ from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.drivers.driver_module import fitted
 from steptwin.emulator.drivers.limits import Rule
+from steptwin.emulator.operations import Operation
 from steptwin.emulator.simulation import BusOverloadError, Simulation
-from steptwin.features.faults.kinds.harm import Operation
 from steptwin.features.faults.kinds.machine import BrownOut, EmergencyStop, PowerUp, WatchdogReset
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, Status

@@ -6,9 +6,9 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.bus.can_timing import frame_bits
+from steptwin.emulator.operations import Scheduled
 from steptwin.emulator.simulation import BusOverloadError, Simulation
-from steptwin.features.faults.kinds import Scheduled
-from steptwin.features.faults.kinds.bus import Babble, BusOff, StrangerSends
+from steptwin.features.faults.kinds.bus import Babble, BusOff, BusRepair, StrangerSends
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import AbortConnection, ErrorCode, State
 from steptwin.protocol.frame import COB_EMCY, COB_NMT, COB_SYNC, Frame
@@ -94,7 +94,7 @@ class TestBabble:
         rig.simulation.operate(Babble(NOTHING, 100, 1_000_000))
         rig.simulation.operate(Babble(OTHER, 100, 1_000_000))
         wait(rig.simulation, 10)
-        rig.simulation.repair_bus()
+        rig.simulation.operate(BusRepair())
         wait(rig.simulation, 2)
         self.is_silent(rig)
 
@@ -114,7 +114,7 @@ class TestBabble:
     def test_one_that_is_to_come_is_not_ended(self, rig: Rig) -> None:
         begins = rig.simulation.now_counts + 10 * MS
         rig.simulation.schedule([Scheduled(begins, Babble(NOTHING, 100, 20))])
-        rig.simulation.repair_bus()
+        rig.simulation.operate(BusRepair())
         wait(rig.simulation, 20)
         assert rig.simulation.bus.log_frames.count(NOTHING) > 10
 

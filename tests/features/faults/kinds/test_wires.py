@@ -11,12 +11,11 @@ from hypothesis import strategies as st
 from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.controller.node.pins import Pin
-from steptwin.emulator.drivers.axis_wires import AxisWires
+from steptwin.emulator.drivers.axis_wires import AxisWires, Noise, Wire, WireState
 from steptwin.emulator.drivers.driver_module import Module, fitted
 from steptwin.emulator.drivers.limits import Rule
 from steptwin.emulator.drivers.terminals import TerminalEdges
 from steptwin.emulator.world.switches import Switch
-from steptwin.features.faults.kinds.wiring import Noise, Wire, WireState
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.drivers import PROFILES, ActiveEdge

@@ -4,10 +4,11 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.drivers.axis_wires import Condition, Wire
 from steptwin.emulator.drivers.driver_module import Module
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.world.switches import Switch
-from steptwin.features.faults.kinds.wiring import Condition, SetWire, Wire
+from steptwin.features.faults.kinds.wiring import SetWire
 from steptwin.protocol import od
 from steptwin.protocol.frame import COB_SYNC, Frame
 from steptwin.protocol.pvt import PvtRecord

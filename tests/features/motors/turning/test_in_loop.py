@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.faults.kinds import Scheduled
+from steptwin.emulator.operations import Scheduled
 from steptwin.features.faults.kinds.machine import Payload, Slip
 from steptwin.features.motors.evidence import trace_of
 from steptwin.features.motors.options import MotorOptions

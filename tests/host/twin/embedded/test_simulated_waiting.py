@@ -8,13 +8,13 @@ import canopen
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.faults.kinds.machine import EmergencyStop
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode
 from tests.host.client.machines import START, WAREHOUSE
 from tests.host.client.other_masters import Node402, node402, set_up
+from tests.operations import EmergencyStop
 
 NODE = 0x13
 TPDO1_INHIBIT_S = 0.005

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.faults.kinds.machine import Slip
 from steptwin.host.record.folder.edges_file import evidence_until, read_edges, write_edges
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.board_under_test import BoardUnderTest
@@ -16,6 +15,7 @@ from steptwin.host.verify.counted import counted_steps
 from steptwin.protocol import od
 from tests.host.twin.embedded.test_excitation import Master
 from tests.messages import refusing
+from tests.operations import Slip
 
 LAB = load_robot("lab-scara")
 JOINT = "d1"
@@ -41,14 +41,6 @@ def test_homing_finds_the_same_place_after_a_slip(fast_kernel: Kernel) -> None:
 
     master.home(LIMIT_METHOD, limit)
     assert board.joints()[JOINT] - master.position() == pytest.approx(step, abs=1e-9)
-
-
-def test_only_whole_cycles_are_a_slip() -> None:
-    for full_steps in (-4, 4, 400):
-        Slip(0, full_steps)
-    for full_steps in (0, 1, -6):
-        with refusing(ValueError):
-            Slip(0, full_steps)
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.faults.scenario import Scenario
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.live.live_board import LiveBoard
 from steptwin.host.twin.machine.machine_options import MachineOptions
@@ -57,7 +56,6 @@ class LiveSession:
         axes_per_board: tuple[int, ...] | None = None,
         crystals_ppm: tuple[int, ...] = (),
         drivers: str | None = None,
-        scenario: Scenario | None = None,
         *,
         extras: Sequence[object] = (),
         stride_ms: int = 1,
@@ -74,7 +72,6 @@ class LiveSession:
                 crystal_ppm=crystals_ppm,
                 driver_profile=drivers,
                 extras=extras,
-                scenario=scenario,
             ),
             out=out,
             log=log,

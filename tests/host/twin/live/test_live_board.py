@@ -8,8 +8,7 @@ import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board
-from steptwin.features.faults.kinds.drivers import OscCapacitor
-from steptwin.features.faults.kinds.wiring import SetWire, Wire, WireState
+from steptwin.emulator.drivers.axis_wires import Wire, WireState
 from steptwin.host.cli.app import run
 from steptwin.host.record.folder import read_edges, read_report
 from steptwin.host.twin.live.live_board import RECORD_EVERY_S
@@ -28,6 +27,7 @@ from tests.host.twin.live.live_session import (
     queue,
     start_at_sync,
 )
+from tests.operations import OscCapacitor, SetWire
 
 
 def test_t_0_is_the_start_of_the_last_motion_whatever_other_syncs_pass(fast_kernel: Kernel, tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import pytest
 from steptwin.controller.motion.backend import Kernel
 from steptwin.features.faults.kinds.bus import FrameLoss
 from steptwin.host.twin.embedded.outcome import Outcome
-from tests.end_to_end.faulty_bus import MS, drawer_pull
+from tests.features.faults.faulty_bus import MS, drawer_pull
 
 HEARTBEAT = 0x77F
 SILENT_COUNTS = 72_000_000

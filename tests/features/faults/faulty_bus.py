@@ -4,6 +4,8 @@ from typing import Final
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.features.faults.kinds.bus import BusFault
+from steptwin.features.faults.options import FaultOptions
+from steptwin.features.faults.report import report_in
 from steptwin.features.faults.scenario import Fault, Scenario
 from steptwin.features.faults.triggers import AtTime
 from steptwin.host.planning.jobs import make_job
@@ -23,10 +25,16 @@ def drawer_pull(
     options = {"duration_s": str(duration_s), "ramp_s": str(duration_s / 4)}
     robot, begin = load_robot("warehouse-scara"), AtTime(from_s, from_power_up=True)
     scenario = Scenario("bus", tuple(Fault(fault.do, begin, fault) for fault in faults), seed)
-    return execute(plan(robot, make_job(robot, "pull-line", options)), "pull-line", kernel, scenario=scenario)
+    return execute(
+        plan(robot, make_job(robot, "pull-line", options)),
+        "pull-line",
+        kernel,
+        extras=[FaultOptions(scenario=scenario)],
+    )
 
 
 def strikes(outcome: Outcome) -> int:
     """Return how often a run's faults have struck."""
-    assert outcome.scenario is not None
-    return sum(fault.strikes for fault in outcome.scenario.faults)
+    report = report_in(outcome.verdicts)
+    assert report is not None
+    return sum(fault.strikes for fault in report.faults)

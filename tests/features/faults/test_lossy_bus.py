@@ -6,7 +6,7 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.features.faults.kinds.bus import FrameCorruption, FrameDelay, FrameLoss, SenderOff
 from steptwin.host.common.errors import BusError
 from steptwin.protocol.frame import COB_SYNC
-from tests.end_to_end.faulty_bus import MS, drawer_pull, strikes
+from tests.features.faults.faulty_bus import MS, drawer_pull, strikes
 from tests.messages import refusing
 
 pytestmark = pytest.mark.usefixtures("impatient")
@@ -42,8 +42,7 @@ def test_a_lost_sync_is_noticed(fast_kernel: Kernel) -> None:
     outcome = drawer_pull(fast_kernel, FrameLoss((COB_SYNC,)))
     assert outcome.fault is not None
     assert "not all axes start within 1 s" in outcome.fault.message
-    assert outcome.scenario is not None
-    assert outcome.scenario.passed, outcome.scenario.reasons
+    assert outcome.verdicts["faults"].passed, outcome.verdicts
 
 
 @pytest.mark.slow
@@ -84,4 +83,4 @@ def test_the_same_faults_make_the_same_run(fast_kernel: Kernel) -> None:
         drawer_pull(fast_kernel, FrameCorruption(rate=0.01), losing(0.01), seed=7, duration_s=1.2) for _ in range(2)
     ]
     assert runs[0].bus_log == runs[1].bus_log
-    assert runs[0].scenario == runs[1].scenario
+    assert runs[0].verdicts == runs[1].verdicts

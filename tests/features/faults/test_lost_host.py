@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from steptwin.features.faults.engine import Emergency
-from steptwin.host.twin.embedded.execution import outlive
+from steptwin.features.faults.lost_host import outlive
 from steptwin.protocol.cia402 import ErrorCode
 
 
@@ -24,8 +24,7 @@ from steptwin.protocol.cia402 import ErrorCode
 )
 def test_it_names_the_drive_whose_fault_stopped_the_others(said: list[tuple[int, int]], told: str) -> None:
     """A drive that was stopped with its group, or whose error has gone, is not the reason."""
-    board: Any = SimpleNamespace(
-        host=SimpleNamespace(restart_counts=None, hangs=True), robot=SimpleNamespace(axis_names=("th1", "th2"))
-    )
+    board: Any = SimpleNamespace(robot=SimpleNamespace(axis_names=("th1", "th2")))
+    host: Any = SimpleNamespace(restart_counts=None, hangs=True)
     engine: Any = SimpleNamespace(emergencies=[Emergency(0, axis, code) for axis, code in said])
-    assert outlive(board, engine, "the bus is gone") == told
+    assert outlive(board, engine, host, "the bus is gone") == told

@@ -1,0 +1,106 @@
+"""What all axes of a machine do at an instant, as its boards know it: when a fault begins, and at the end of a run."""
+
+from collections.abc import Collection
+from dataclasses import dataclass, field
+
+from steptwin.emulator.board.board import Board
+from steptwin.host.twin.machine.robot_boards import RobotBoards
+from steptwin.protocol import od
+from steptwin.protocol.cia402 import DigitalInput, State, Status
+
+
+@dataclass(frozen=True, slots=True)
+class AxisMoment:
+    """One axis at an instant.
+
+    Attributes:
+        state: state of its drive.
+        energised: whether the driver's outputs are on.
+        velocity: demanded velocity in 1/64 unit per ms; 0 at rest.
+        deceleration: of a stop after a fault, in units/s^2.
+        position_known: whether the firmware says that it knows the position.
+        lag_full_steps: what the firmware has counted less what the driver has counted;
+            only its change means anything. None if it was not read.
+        board: number of the axis' board.
+        boot: object that a board replaces when it restarts, as after a reset: then it counts from 0 again.
+        fault_input: the input by which the board sees the driver's fault output; None: none.
+    """
+
+    state: State
+    energised: bool
+    velocity: int
+    deceleration: int
+    position_known: bool
+    lag_full_steps: float | None
+    board: int = 0
+    boot: object = field(default=None, repr=False)
+    fault_input: DigitalInput | None = None
+
+    @property
+    def moving(self) -> bool:
+        """True while the axis is to move."""
+        return self.velocity != 0
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """All axes of the machine at an instant, in counts since power-up, and the bit rate for which its bus was made."""
+
+    counts: int
+    axes: tuple[AxisMoment, ...]
+    bitrate: int
+
+    @property
+    def boards(self) -> tuple[int, ...]:
+        """The number of each axis' board."""
+        return tuple(axis.board for axis in self.axes)
+
+    @property
+    def moving(self) -> bool:
+        """True while any axis is to move."""
+        return any(axis.moving for axis in self.axes)
+
+    @property
+    def several_boards(self) -> bool:
+        """True if the axes are on more than one board."""
+        return len(set(self.boards)) > 1
+
+
+def _axis_moment(board: Board, axis: int, number: int, *, counted: bool) -> AxisMoment:
+    node, motion = board.firmware.nodes[axis], board.firmware.motion
+    return AxisMoment(
+        state=node.drive.state,
+        energised=node.drive.energised,
+        velocity=motion.axes[axis].velocity,
+        deceleration=node.dictionary.get(od.QUICK_STOP_DECELERATION),
+        position_known=bool(node.statusword() & Status.POSITION_KNOWN),
+        lag_full_steps=_lag_full_steps(board, axis) if counted else None,
+        board=number,
+        boot=board.running,
+        fault_input=board.drivers.drivers[axis].fault_input,
+    )
+
+
+def _lag_full_steps(board: Board, axis: int) -> float:
+    """Return what the firmware has counted less what the driver has; pulses that a module still holds back count."""
+    motion = board.firmware.motion
+    position = board.position_full_steps(axis)  # the driver processes its pulses before it is asked for the held ones
+    driver = board.drivers.drivers[axis]
+    position += driver.held_steps / driver.microsteps
+    return motion.axes[axis].counter_steps / motion.axes[axis].config.microsteps - position
+
+
+def moment_of(machine: RobotBoards, uncounted: Collection[int] = ()) -> Moment:
+    """Return what all axes do now.
+
+    The drivers of the axes in `uncounted` are not asked: to answer they process the pulses of the whole servo tick,
+    which a reset within it must still be able to take back.
+    """
+    return Moment(
+        machine.simulation.now_counts,
+        tuple(
+            _axis_moment(board, axis, machine.board_numbers[number], counted=number not in uncounted)
+            for number, (board, axis) in enumerate(machine.axes)
+        ),
+        machine.simulation.bus.bitrate,
+    )

@@ -1,0 +1,100 @@
+"""Play a scenario on an emulated machine: its engine, what has become of the host, and the verdict on the run."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from steptwin.features.faults import NAME
+from steptwin.features.faults.engine import Engine, HostCondition
+from steptwin.features.faults.kinds.drivers import OscCapacitor
+from steptwin.features.faults.kinds.host import NO_HOST
+from steptwin.features.faults.lost_host import FaultyNetwork, replace_host, without_host
+from steptwin.features.faults.report import ScenarioReport
+from steptwin.features.faults.reporting import played_document, scenario_report
+from steptwin.features.faults.scenario import Scenario
+from steptwin.host.common.errors import BusError, InputError
+from steptwin.host.common.features import MachinePart
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.outcome import RunEnd, RunFault
+from steptwin.host.twin.machine.emulated_machine import EmulatedMachine
+
+
+class FaultsPart(MachinePart):
+    """A scenario on one machine.
+
+    Attributes:
+        scenario: the faults.
+        host: what they have made of the host.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        self.host: HostCondition = HostCondition()
+        self._engine: Engine | None = None
+
+    @property
+    def engine(self) -> Engine:
+        """Plays the scenario, once the machine is switched on."""
+        assert self._engine is not None, "the machine is not switched on"
+        return self._engine
+
+    def switched_on(self, machine: EmulatedMachine) -> None:
+        """Begin with what is due at power-up.
+
+        Raises:
+            InputError: the machine has not what the scenario harms, or runs other firmware.
+        """
+        if not all(board.runs_own for board in machine.simulation.boards):
+            other = machine.parts.options.firmware
+            raise InputError(f"firmware={other}: a scenario is judged by the reactions of StepTwin's firmware")
+        self._engine = Engine(self.scenario, machine, self.host)
+
+    def check_live(self) -> None:
+        """Raise InputError if a fault concerns the host."""
+        if self.scenario.harms_host:
+            raise InputError(f"{self.scenario.name}: {NO_HOST}")
+
+    def network(self) -> FaultyNetwork | None:
+        """Return the network of a host that faults concern."""
+        if not self.scenario.harms_host:
+            return None
+        target = self.engine.target
+        return FaultyNetwork(target.simulation, self.host, lambda: target.interpolating)
+
+    def outlive(self, board: EmbeddedBoard, error: BusError) -> RunFault:
+        """Let the machine go on without its host."""
+        return without_host(error, board, self.engine, self.host)
+
+    def document(self) -> Mapping[str, Any]:
+        """Return what has become of each fault so far."""
+        return played_document(self.engine)
+
+    def in_words(self) -> str:
+        """Return what has become of each fault so far, a line for each."""
+        lines = []
+        for fault in self.document()[NAME]:
+            struck = "never struck" if fault["struck_s"] is None else f"struck at {fault['struck_s']:.6f} s"
+            codes = " ".join(dict.fromkeys(told["code"] for told in fault["emcys"])) or "no EMCY"
+            lines.append(f"{fault['name']}: {fault['due']}: {struck}, {fault['strikes']} times, {codes}")
+        return "\n".join(lines)
+
+    def verdict(self, end: RunEnd) -> ScenarioReport:
+        """Return whether each fault was answered as documented."""
+        return scenario_report(self.engine, end)
+
+
+def part_of(board: EmbeddedBoard) -> FaultsPart | None:
+    """Return the scenario of a board; None without one."""
+    part = board.parts.get(NAME)
+    return part if isinstance(part, FaultsPart) else None
+
+
+def repair(board: EmbeddedBoard) -> None:
+    """End every fault of the scenario that lasts, and let none begin any more; a host that has died is replaced."""
+    part = part_of(board)
+    if part is None:
+        return
+    part.engine.repair()
+    if (oscillator := board.driver_profile.chip.oscillator) is not None:
+        for axis in range(len(board.robot.axes)):
+            board.operate(OscCapacitor(axis, oscillator.osc_pf))
+    replace_host(board, part.host)
