@@ -179,7 +179,7 @@ def check_motors(harm: Harm, *, turning: bool) -> None:
     if isinstance(harm, Payload) and not turning:
         raise InputError(
             f"payload_kg: {harm.payload_kg:g} kg: only motors that turn with the board feel it:"
-            " run --motors=loop, serve --motors, or motors=True in a test"
+            " run --motors=loop, serve --motors, or MotorOptions in a test"
         )
 
 
