@@ -17,6 +17,7 @@ from rich.table import Table
 
 from steptwin.bench import bench_table
 from steptwin.features.firmware.library import NativeLibrary
+from steptwin.features.firmware.options import FirmwareOptions
 from steptwin.features.firmware.process import FirmwareProcess, interface_files
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
@@ -105,7 +106,7 @@ class _Carried(NamedTuple):
 
 def _carried(built: Path, each_ms: int) -> _Carried:
     """Let the example make the motion by set-points."""
-    board = BoardUnderTest(_ROBOT, firmware=built, stand_at=_MOTION.start_joints)
+    board = BoardUnderTest(_ROBOT, extras=[FirmwareOptions(firmware=built)], stand_at=_MOTION.start_joints)
     nodes = [FIRST_NODE_ID + axis for axis in range(len(_ROBOT.axes))]
     for node in nodes:
         board.network.send_message(0x280 + node, b"\x01")

@@ -8,10 +8,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
+from steptwin.host.common.features import features
 from tests.house import ROOT, House
 from tests.messages import GOLDEN, exists
 
-SIBLINGS_MAX: Final = 22  # files and folders in a folder, which a reader can hold in the head
+SIBLINGS_MAX: Final = 30  # files and folders in a folder, which a reader can hold in the head
 PARAMETERS_MAX: Final = 12  # of a function, `self` and `cls` aside
 SAME_FILE_NAMES_MAX: Final = 2
 
@@ -47,9 +48,9 @@ def firmware_faults(house: House) -> Iterator[str]:
 
 
 def printing_faults(house: House) -> Iterator[str]:
-    """Yield where host prints outside the one module that escapes names in files and answers of devices."""
+    """Yield where host and features print outside the one module that escapes names in files and answers of devices."""
     for path, tree in house.trees.items():
-        if path.startswith("host/") and path != "host/cli/output.py":
+        if path.startswith(("host/", "features/")) and path != "host/cli/output.py":
             yield from (f"{path}:{fault}" for fault in printing(tree))
 
 
@@ -67,6 +68,16 @@ def house_faults(house: House) -> Iterator[str]:
         for name, count in house.parameters().items()
         if count > PARAMETERS_MAX
     )
+
+
+def needs_faults(house: House) -> Iterator[str]:
+    """Yield where a feature imports another one that it does not say it needs."""
+    for path, tree in house.trees.items():
+        if path.startswith("features/") and (name := path.split("/")[1]) in features():
+            for node in ast.walk(tree):
+                other = str(getattr(node, "module", "")).removeprefix("steptwin.features.").partition(".")[0]
+                if other != name and other in features() and other not in features()[name].needs:
+                    yield f"{path}: imports the feature {other}, which features/{name}/__init__.py does not need"
 
 
 def server_faults(root: Path) -> Iterator[str]:
@@ -87,7 +98,7 @@ def main() -> int:
     """Print each broken rule; return 1 if there is one."""
     house = House(ROOT)
     faults = [
-        *(fault for check in (firmware_faults, printing_faults, house_faults) for fault in check(house)),
+        *(fault for check in (firmware_faults, printing_faults, house_faults, needs_faults) for fault in check(house)),
         *server_faults(ROOT),
         *stale_messages(),
     ]

@@ -191,3 +191,7 @@ class BoardProgram(Protocol):
 
 class OtherFirmwareError(Exception):
     """A caller asks for what only our own firmware has, on a board that runs another."""
+
+
+class FirmwareError(Exception):
+    """A board's firmware cannot be loaded, has crashed or hangs, or has broken the interface; one sentence says it."""

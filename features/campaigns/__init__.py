@@ -1,11 +1,34 @@
 """Campaigns: thousands of runs with random motions, faults and settings, and what they found."""
 
-from typing import Final
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
 
-from steptwin.host.common.features import COMMAND_GROUPS, CommandRow, Feature
+from steptwin.host.common.features import COMMAND_GROUPS, CommandRow, Feature, FileKind
+from steptwin.host.common.file_limits import CAMPAIGN_BYTES_MAX
+
+if TYPE_CHECKING:
+    from steptwin.host.cli.arguments import CheckedFile
+    from steptwin.host.common.findings import Findings
+
+_LISTS: Final = re.compile(r"^\s*\[\[(scenario|motion)\b", re.MULTILINE)
+"""What only campaigns have, which may be longer than other files."""
+
+
+def _check(path: str, text: str, robot: str | None, findings: "Findings") -> "CheckedFile":
+    from steptwin.features.campaigns.check import check_campaign
+
+    return check_campaign(path, text, robot, findings)
+
+
+def _file_kinds() -> Sequence[FileKind]:
+    return (FileKind("campaign", ("runs", "motion", "scenario"), _check, CAMPAIGN_BYTES_MAX, _LISTS),)
+
 
 FEATURE: Final = Feature(
     name="campaigns",
+    needs=("faults", "motors"),
+    file_kinds=_file_kinds,
     commands=(
         CommandRow(
             "campaign",

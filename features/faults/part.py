@@ -44,8 +44,7 @@ class FaultsPart(MachinePart):
             InputError: the machine has not what the scenario harms, or runs other firmware.
         """
         if not all(board.runs_own for board in machine.simulation.boards):
-            other = machine.parts.options.firmware
-            raise InputError(f"firmware={other}: a scenario is judged by the reactions of StepTwin's firmware")
+            raise InputError("firmware: a scenario is judged by the reactions of StepTwin's firmware")
         self._engine = Engine(self.scenario, machine, self.host)
 
     def check_live(self) -> None:

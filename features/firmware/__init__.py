@@ -1,9 +1,23 @@
 """A user's own firmware, compiled for this computer, on an emulated board."""
 
-from typing import Final
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final
 
 from steptwin.host.common.features import Feature
 
-FEATURE: Final = Feature(
-    name="firmware",
-)
+if TYPE_CHECKING:
+    from steptwin.emulator.board.board_firmware import BoardProgram
+    from steptwin.features.firmware.options import FirmwareOptions
+
+
+def _machine_options() -> "type[FirmwareOptions]":
+    from steptwin.features.firmware.options import FirmwareOptions
+
+    return FirmwareOptions
+
+
+def _program(options: "FirmwareOptions | None") -> "Callable[[], BoardProgram] | None":
+    return None if options is None else options.program()
+
+
+FEATURE: Final = Feature(name="firmware", machine_options=_machine_options, program=_program)

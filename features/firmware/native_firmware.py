@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Final
 from steptwin.controller.motion.axis_motion import PinEdges
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.controller.node.pins import Pin, PinChange
+from steptwin.emulator.board.board_firmware import FirmwareError
 from steptwin.features.firmware.library import FRAME_BYTES, NEVER
-from steptwin.features.firmware.process import FirmwareError, FirmwareProcess
+from steptwin.features.firmware.process import FirmwareProcess
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND

@@ -16,6 +16,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
+from steptwin.emulator.board.board_firmware import FirmwareError
 from steptwin.features.firmware import library
 
 HEADER: Final = "steptwin_firmware.h"
@@ -35,10 +36,6 @@ def interface_files() -> dict[str, str]:
     """Return the text of each file by its name: the interface, the hardware layer over it, and an example."""
     folder = files(__package__)
     return {name: (folder / name).read_text(encoding="utf-8") for name in _FILES}
-
-
-class FirmwareError(Exception):
-    """A user's firmware cannot be loaded, has crashed or hangs, or has broken the interface; one sentence says it."""
 
 
 class FirmwareProcess:

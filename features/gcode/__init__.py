@@ -10,10 +10,11 @@ if TYPE_CHECKING:
 
 
 def _program_steps() -> "Mapping[str, StepReading]":
+    from steptwin.features.gcode.cut_runs import SUFFIXES
     from steptwin.features.gcode.gcode_step import GCODE_KEYS, GcodeStep
     from steptwin.host.planning.programs.program_file import StepReading
 
-    return {"gcode": StepReading(GCODE_KEYS, GcodeStep.read)}
+    return {"gcode": StepReading(GCODE_KEYS, GcodeStep.read, SUFFIXES)}
 
 
 FEATURE: Final = Feature(name="gcode", needs=("fastest",), program_steps=_program_steps)

@@ -6,6 +6,7 @@ from steptwin.host.common.features import COMMAND_GROUPS, CommandRow, Feature
 
 FEATURE: Final = Feature(
     name="ros2",
+    needs=("urdf",),
     commands=(
         CommandRow(
             "ros2",

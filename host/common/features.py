@@ -15,6 +15,7 @@ from steptwin.host.common.file_limits import PROGRAM_BYTES_MAX
 
 if TYPE_CHECKING:
     from steptwin.controller.motion.backend import Kernel
+    from steptwin.emulator.board.board_firmware import BoardProgram
     from steptwin.emulator.operations import Operation
     from steptwin.emulator.simulation import Participant, Simulation
     from steptwin.host.cli.arguments import CheckedFile
@@ -264,6 +265,8 @@ class Feature:
             relative paths begin; raises InputError for what is wrong in them.
         replayed: returns such options from a stored report; None if the run had none.
         kernels: returns what makes its forms of the firmware's kernel, by name; they raise InputError if they cannot.
+        program: returns what makes the program that each board of a machine runs instead of our firmware, from its
+            options; None if there is none.
         part: returns its part of a machine from robot, joints at power-up, axes of each board, options and the inputs
             for which the motion waits (None: unknown); None if the machine has no such part.
         expected: returns what a motion is planned to leave, from robot, trajectory and options; None for nothing.
@@ -299,6 +302,7 @@ class Feature:
     read_options: "Callable[[Any, Robot, Path], Any] | None" = None
     replayed: "Callable[[Table], Any] | None" = None
     kernels: "Callable[[], Mapping[str, Callable[[], Kernel]]] | None" = None
+    program: "Callable[[Any], Callable[[], BoardProgram] | None] | None" = None
     part: MakePart | None = None
     expected: "Callable[[Robot, Trajectory, Any], Any] | None" = None
     judge: "Callable[[], FeatureJudge] | None" = None

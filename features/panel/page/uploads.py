@@ -11,20 +11,22 @@ from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
-from steptwin.features.gcode.cut_runs import SUFFIXES as GCODE_SUFFIXES
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.programs import SUFFIX
+from steptwin.host.planning.programs.program_file import verb_of_suffix
 from steptwin.host.planning.trajectory_file import SUFFIXES
 from steptwin.host.robots.robot import Robot
 
-RUNNABLE: Final = (*SUFFIXES, SUFFIX, *GCODE_SUFFIXES)
-_KEYS: Final = ("gcode", "positions_file")
+_VERBS: Final = verb_of_suffix()
+"""The verb of the step that runs a file with an ending."""
+RUNNABLE: Final = (*SUFFIXES, SUFFIX, *_VERBS)
+_KEYS: Final = (*dict.fromkeys(_VERBS.values()), "positions_file")
 """Keys of a program, besides `robot`, that name a file."""
-_GCODE: Final = """\
+_STEP: Final = """\
 [[step]]
-gcode = {}
+{} = {}
 """
-"""The program that runs a file of G-code as it is."""
+"""The program that runs such a file as it is."""
 
 
 def to_run(files: Mapping[str, bytes]) -> str | None:
@@ -53,8 +55,8 @@ def uploaded(name: str, content: bytes, beside: Mapping[str, bytes], robot: Robo
     if ending not in RUNNABLE:
         raise InputError(f"{plain}: a file to run ends in {', '.join(RUNNABLE)}")
     files: dict[str, bytes] = {}
-    if ending in GCODE_SUFFIXES:
-        files[plain], content, ending = content, _GCODE.format(_quoted(plain)).encode(), SUFFIX
+    if ending in _VERBS:
+        files[plain], content, ending = content, _STEP.format(_VERBS[ending], _quoted(plain)).encode(), SUFFIX
     elif ending == SUFFIX:
         files = _referred(plain, content, beside, robot)
     with TemporaryDirectory(prefix="steptwin-") as folder:

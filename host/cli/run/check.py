@@ -1,28 +1,26 @@
 """`steptwin check FILE`: say everything that is wrong in a file of your own, or what it amounts to."""
 
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import MISSING
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AnswerOptions, CheckedFile, PlanningOptions
 from steptwin.host.cli.options import argument, with_options
-from steptwin.host.cli.output import Columns, number_of, print_rows, print_table, say, warn
+from steptwin.host.cli.output import Columns, print_rows, say, warn
 from steptwin.host.cli.run.check_robot import check_robot
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import FileKind, drive_model, giving
-from steptwin.host.common.file_limits import CAMPAIGN_BYTES_MAX, PROGRAM_BYTES_MAX, check_size
+from steptwin.host.common.file_limits import PROGRAM_BYTES_MAX, check_size
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import toml_table
 
 if TYPE_CHECKING:
-    from steptwin.features.campaigns.campaign import Campaign, MotionChoice, ScenarioChoice
     from steptwin.host.planning.peaks import Peak
     from steptwin.host.planning.programs import CompiledProgram, Program, StepRow
     from steptwin.host.robots.robot import Robot
@@ -32,15 +30,13 @@ if TYPE_CHECKING:
 def check(
     answer: AnswerOptions,
     planning: PlanningOptions,
-    file: str = argument("FILE", "A robot, a program, a scenario of faults or a campaign, in TOML.", MISSING),
-    robot: str | None = argument("ROBOT", "The robot for a program that does not name it, or for a scenario."),
+    file: str = argument("FILE", "A robot, a program, or another file of StepTwin, in TOML.", MISSING),
+    robot: str | None = argument("ROBOT", "The robot for a program that does not name it."),
 ) -> None:
     """Say everything that is wrong in a file at once; otherwise print what it amounts to.
 
     Of a robot: joints, ranges, steps and highest speeds, and how far the tool reaches. Of a program: its steps, with
-    durations and peaks in percent of the joints' limits. Of a scenario: its faults, with the random times drawn. Of a
-    campaign: motions and scenarios, with the number of runs that are to have them. A file with something wrong ends
-    with exit code 2.
+    durations and peaks in percent of the joints' limits. A file with something wrong ends with exit code 2.
     """
     from steptwin.host.planning.trajectory_file import is_trajectory_file
 
@@ -70,16 +66,11 @@ def check(
         raise typer.Exit(InputError.exit_code)
 
 
-_OF_A_CAMPAIGN: Final = re.compile(r"^\s*\[\[(scenario|motion)\b", re.MULTILINE)
-"""What only campaigns have, which may be longer than other files."""
-
-
 def file_kinds() -> list[FileKind]:
     """Return the kinds of files that can be checked."""
     of_features = [kind for _, kinds in giving("file_kinds") for kind in kinds()]
-    campaign = FileKind("campaign", ("runs", "motion", "scenario"), _check_campaign, CAMPAIGN_BYTES_MAX, _OF_A_CAMPAIGN)
     program = FileKind("program", ("step", "steps", "sequences"), check_program)
-    return [program, *of_features, campaign, FileKind("robot", ("kinematics", "joints", "board"), _check_robot)]
+    return [program, *of_features, FileKind("robot", ("kinematics", "joints", "board"), _check_robot)]
 
 
 def _check_robot(_path: str, text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
@@ -199,76 +190,3 @@ def _nearest_to_limit(peaks: "list[Peak]") -> "Peak | None":
 
 def _percent_text(peak: "Peak | None") -> str:
     return f"{peak.percent:.0f} % {peak.joint}" if peak is not None and peak.value else "-"
-
-
-def _check_campaign(file: str, text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
-    """Check a campaign, which names its robots itself, and the files that it names."""
-    from steptwin.features.campaigns.campaign import Sources
-    from steptwin.features.campaigns.reader import parse_campaign
-
-    with findings.collecting():
-        if robot_name is not None:
-            raise InputError(f"is a campaign, which names its robots: leave {robot_name} out")
-        campaign, _ = parse_campaign(Sources(file, text, folder=Path(file).parent))
-        document = _document(campaign)
-        return CheckedFile(document, (lambda: _print(document),))
-    return CheckedFile()
-
-
-def _document(campaign: "Campaign") -> dict[str, Any]:
-    motions, scenarios = campaign.motions, campaign.scenarios
-    return {
-        "runs": campaign.runs,
-        "first_seed": campaign.first_seed,
-        "robots": list(campaign.robots),
-        "motions": _choices(campaign, motions, lambda choice: str(choice.motion)),
-        "scenarios": [
-            told | {"faults": _faults(choice)}
-            for told, choice in zip(_choices(campaign, scenarios, lambda choice: choice.name), scenarios, strict=True)
-        ],
-        "vary": list(campaign.vary),
-        "recover": campaign.recover,
-        "motors": campaign.motors or "never",
-    }
-
-
-def _choices(
-    campaign: "Campaign", choices: "Sequence[MotionChoice | ScenarioChoice]", name: Callable[[Any], str]
-) -> list[dict[str, Any]]:
-    """Return of each choice its name, its robots, and the part of all runs that are to have it."""
-    weights = dict.fromkeys(campaign.robots, 0.0)
-    for choice in choices:
-        for robot in choice.robots:
-            weights[robot] += choice.weight
-    return [
-        {
-            "name": name(choice),
-            "robots": list(choice.robots),
-            "share": round(sum(choice.weight / weights[robot] for robot in choice.robots) / len(campaign.robots), 6),
-        }
-        for choice in choices
-    ]
-
-
-def _faults(choice: "ScenarioChoice") -> list[str]:
-    """Return what the faults of a scenario do."""
-    return [fault["do"] for fault in choice.table.get("fault", ())]
-
-
-def _print(document: dict[str, Any]) -> None:
-    rows = [["motion", each["name"], "", *_whose(document, each)] for each in document["motions"]]
-    rows += [
-        ["scenario", each["name"], ", ".join(each["faults"]), *_whose(document, each)] for each in document["scenarios"]
-    ]
-    print_table(["", "", "faults", "robots", "runs"], rows, text_columns=4)
-    say(f"varies: {', '.join(document['vary']) or 'nothing'}")
-    after = "recovered after each run" if document["recover"] else "not recovered"
-    motors = {"never": "", "after": ", motors turn after each run", "loop": ", motors turn as runs go"}
-    robots = f"{number_of(len(document['robots']), 'robot')}, {after}{motors[document['motors']]}"
-    say(f"campaign of {number_of(document['runs'], 'run')} from seed {document['first_seed']}: {robots}")
-
-
-def _whose(document: dict[str, Any], choice: dict[str, Any]) -> list[str]:
-    """Return the robots of a choice, and how many runs are to have it."""
-    whose = "all" if choice["robots"] == document["robots"] else ", ".join(choice["robots"])
-    return [whose, f"{choice['share'] * document['runs']:.0f}"]

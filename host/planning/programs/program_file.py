@@ -110,10 +110,17 @@ class Usual:
 
 
 class StepReading(NamedTuple):
-    """Reads a step of a feature: the keys that it may have beside its verb, and what makes it of its table."""
+    """Reads a step of a feature.
+
+    Attributes:
+        keys: the keys that it may have beside its verb.
+        read: makes it of its table.
+        suffixes: the usual endings of the files that its verb names; empty if it names none.
+    """
 
     keys: tuple[str, ...]
     read: Callable[[Table, Usual], Step]
+    suffixes: tuple[str, ...] = ()
 
 
 _PROGRAM_KEYS: Final = (
@@ -371,6 +378,11 @@ def _step(table: Table, place: str, findings: Findings, usual: Usual) -> AnyStep
 @cache
 def _steps_of_features() -> dict[str, StepReading]:
     return {verb: reading for _, steps in giving("program_steps") for verb, reading in steps().items()}
+
+
+def verb_of_suffix() -> dict[str, str]:
+    """Return the verb of the step that runs a file, by the file's ending, for files that are no programs themselves."""
+    return {suffix: verb for verb, reading in _steps_of_features().items() for suffix in reading.suffixes}
 
 
 def _verbs() -> tuple[str, ...]:

@@ -60,8 +60,8 @@ def execute(
     """
     robot = plan.robot
     options = MachineOptions(**machine)
-    if options.firmware is not None:
-        raise InputError(f"firmware={options.firmware}: a run's host speaks to StepTwin's firmware only")
+    if options.program() is not None:
+        raise InputError("firmware: a run's host speaks to StepTwin's firmware only")
     if options.stand_at is None:
         options = replace(options, stand_at=plan.start_joints)
     else:

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Unpack
 
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
+from steptwin.emulator.board.board_firmware import FirmwareError
 from steptwin.emulator.live.live_loop import LiveLoop
 from steptwin.emulator.live.live_simulation import SPEED_MAX, SPEED_MIN
 from steptwin.emulator.operations import Operation
-from steptwin.features.firmware.process import FirmwareError
 from steptwin.host.client.links.bus_link import Connection, check_interface, open_bus
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
 from steptwin.host.common.listening import CHANNEL, LOOPBACK, PORT, is_loopback, listen

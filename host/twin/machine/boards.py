@@ -5,20 +5,19 @@ commissioned board has the robot's settings in its flash: a program that configu
 robot's steps. `steptwin run` begins with a new board instead, which has its factory defaults, and writes every setting.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board, BoardConfig
+from steptwin.emulator.board.board_firmware import BoardProgram
 from steptwin.emulator.board.drifting_board import make_board
 from steptwin.emulator.board.local_clock import CRYSTAL_PPM_MAX
 from steptwin.emulator.world.switches import WEIGHT_ONE, Switch, Travel
-from steptwin.features.firmware.native_firmware import NativeProgram
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.setting_up import axis_settings
 from steptwin.host.robots.joint import Joint, Transmission
@@ -212,7 +211,7 @@ def make_boards(
     kernel: Kernel,
     *,
     commissioned: bool = True,
-    firmware: Path | None = None,
+    program: Callable[[], BoardProgram] | None = None,
 ) -> list[Board]:
     """Make boards without power, in the order of the joints.
 
@@ -221,10 +220,10 @@ def make_boards(
         configs: hardware of each board, from `board_configs`.
         kernel: form of the firmware's kernel.
         commissioned: True for boards whose flash holds the robot's settings, False for new ones.
-        firmware: a user's library, which each board runs instead of our firmware.
+        program: makes the program that each board runs instead of our firmware.
     """
-    if firmware is not None:
-        return [make_board(config, kernel, program=NativeProgram(firmware)) for config in configs]
+    if program is not None:
+        return [make_board(config, kernel, program=program()) for config in configs]
     if not commissioned:
         return [make_board(config, kernel) for config in configs]
     firsts = [config.first_node_id - FIRST_NODE_ID for config in configs]

@@ -3,15 +3,14 @@
 from collections import deque
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board
+from steptwin.emulator.board.board_firmware import FirmwareError
 from steptwin.emulator.bus.can_bus import Bus, Log
 from steptwin.emulator.operations import Operation, Scheduled
 from steptwin.emulator.simulation import Simulation
-from steptwin.features.firmware.process import FirmwareError
 from steptwin.features.nodes.eds_nodes import eds_nodes
 from steptwin.features.nodes.simple_node import SimpleNode
 from steptwin.host.common.errors import InputError
@@ -76,8 +75,6 @@ class MachineParts:
                 switches, or a feature's options do not fit, or the boards have not as many axes as the robot, or a
                 crystal is too far off, or an EDS cannot be read or its node's id is taken.
         """
-        options.check_firmware()
-        firmware = None if options.firmware is None else Path(options.firmware)
         joints, per_board, profile = options.joints(robot), options.boards_of(robot), options.driver_profile
         options.check_features()
         drivers = driver_profile(robot.board, profile)
@@ -93,7 +90,7 @@ class MachineParts:
             drivers,
             standing_steps(robot, joints),
             commissioned,
-            make_boards(robot, configs, kernel, commissioned=commissioned, firmware=firmware),
+            make_boards(robot, configs, kernel, commissioned=commissioned, program=options.program()),
             {} if options.nodes is None else eds_nodes(options.nodes, len(robot.axes)),
             parts,
         )
@@ -157,7 +154,7 @@ class EmulatedMachine(RobotBoards):
             nodes = tuple(parts.nodes.values())
             simulation = Simulation(parts.boards, self.bus, schedule, nodes, joining)
         except FirmwareError as error:
-            raise InputError(f"firmware={error}") from error
+            raise InputError(f"firmware: {error}") from error
         super().__init__(robot, simulation, parts.start_steps)
         self.operations: OperationLog = OperationLog(self, operations_max)
         for each in schedule:

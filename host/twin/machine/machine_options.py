@@ -17,6 +17,7 @@ from steptwin.host.common.features import giving
 from steptwin.host.common.numbers import digits_in, finite_number, whole
 
 if TYPE_CHECKING:
+    from steptwin.emulator.board.board_firmware import BoardProgram
     from steptwin.host.robots.robot import Robot
     from steptwin.protocol.drivers import DriverProfile
 
@@ -122,7 +123,6 @@ class MachineKeywords(TypedDict, total=False):
     axes_per_board: Sequence[int] | None
     crystal_ppm: int | Sequence[int]
     bitrate: int | None
-    firmware: Path | str | None
     nodes: Mapping[int, Path | str] | None
     extras: Sequence[Any]
 
@@ -176,12 +176,6 @@ _BITRATE = Spelling(
     says="Bit rate of the bus; by default the robot file's.",
     read=_bits_per_s,
 )
-_FIRMWARE = Spelling(
-    option="--firmware",
-    value="FILE",
-    example='"build/fw.so"',
-    says="Let each board run this firmware of yours, compiled for this computer (docs/own-firmware.md).",
-)
 _NODES = Spelling(
     option="--node",
     value="ID=EDS",
@@ -207,7 +201,6 @@ class MachineOptions:
     axes_per_board: Sequence[int] | None = field(default=None, metadata={SPELLING: _BOARDS})
     crystal_ppm: int | Sequence[int] = field(default=0, metadata={SPELLING: _CRYSTAL})
     bitrate: int | None = field(default=None, metadata={SPELLING: _BITRATE})
-    firmware: Path | str | None = field(default=None, metadata={SPELLING: _FIRMWARE})
     nodes: Mapping[int, Path | str] | None = field(default=None, metadata={SPELLING: _NODES})
     extras: Sequence[Any] = field(default=(), metadata={OF_FEATURES: "machine_options"})
 
@@ -280,10 +273,14 @@ class MachineOptions:
             for feature, warnings in giving("machine_warnings")
         }
 
-    def check_firmware(self) -> None:
-        """Raise InputError if the firmware is no file."""
-        if self.firmware is not None and not Path(self.firmware).is_file():
-            raise InputError(f"firmware={self.firmware}: is no file")
+    def program(self) -> "Callable[[], BoardProgram] | None":
+        """Return what makes the program that each board runs instead of our firmware; None if none does.
+
+        Raises:
+            InputError: the program cannot be had.
+        """
+        made = (make(feature.options_in(self.extras)) for feature, make in giving("program"))
+        return next((program for program in made if program is not None), None)
 
 
 def read_extras(extras: Sequence[Any], robot: "Robot", folder: Path = Path()) -> tuple[Any, ...]:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from steptwin.features.firmware.process import FirmwareError
+from steptwin.emulator.board.board_firmware import FirmwareError
+from steptwin.features.firmware.options import FirmwareOptions
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.board_under_test import BoardUnderTest
@@ -43,7 +44,7 @@ AT_ONCE = {
 def complaint(library: Path) -> str:
     """What a run of a second says of the firmware, without the file's name."""
     with pytest.raises((FirmwareError, InputError)) as error:
-        BoardUnderTest(ROBOT, firmware=library).wait(1.0)
+        BoardUnderTest(ROBOT, extras=[FirmwareOptions(firmware=library)]).wait(1.0)
     said = str(error.value)
     assert "\n" not in said
     assert str(library) in said
@@ -75,7 +76,7 @@ def test_no_process_outlives_the_run(harm: int, build: Build, tmp_path: Path) ->
         if harm:
             assert complaint(library) == "st_run ended the process, with exit code 0"
         else:
-            BoardUnderTest(ROBOT, firmware=library).wait(0.1)
+            BoardUnderTest(ROBOT, extras=[FirmwareOptions(firmware=library)]).wait(0.1)
         gc.collect()
         ended = select.poll()
         ended.register(reader, select.POLLHUP)

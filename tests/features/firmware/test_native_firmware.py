@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from steptwin.emulator.board.board_firmware import FirmwareError
 from steptwin.features.faults.kinds.machine import EmergencyStop, Supply
 from steptwin.features.faults.options import FaultOptions
-from steptwin.features.firmware.process import FirmwareError
+from steptwin.features.firmware.options import FirmwareOptions
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.plan import Plan
@@ -45,7 +46,12 @@ def motion() -> Plan:
 
 def carry(example: Path, motion: Plan, *axes_per_board: int) -> BoardUnderTest:
     """Let the example make the job's motion, by a set-point each 5 ms."""
-    board = BoardUnderTest(ROBOT, firmware=example, stand_at=motion.start_joints, axes_per_board=axes_per_board or None)
+    board = BoardUnderTest(
+        ROBOT,
+        extras=[FirmwareOptions(firmware=example)],
+        stand_at=motion.start_joints,
+        axes_per_board=axes_per_board or None,
+    )
     for node in NODES:
         board.network.send_message(0x280 + node, b"\x01")
     board.wait(0.05)
@@ -100,7 +106,7 @@ def test_it_is_the_same_each_time_and_is_kept(
 
 def test_the_emergency_stop_and_a_power_cycle(example: Path) -> None:
     """It stops within a servo tick, and what it has written to its flash is there after the power."""
-    board = BoardUnderTest(ROBOT, firmware=example)
+    board = BoardUnderTest(ROBOT, extras=[FirmwareOptions(firmware=example)])
     board.network.send_message(0x290, b"\x01")
     board.wait(0.01)
     board.network.send_message(0x210, struct.pack("<iH", 1000, 1000))
@@ -144,7 +150,7 @@ def test_a_broken_firmware_ends_with_a_sentence(way: int, build: Build, monkeypa
         monkeypatch.setattr("steptwin.features.firmware.process.HANGS_S", 1.0)
     library = build("broken.c", BREAK=way)
     with pytest.raises((FirmwareError, InputError)) as error:
-        BoardUnderTest(ROBOT, firmware=library).wait(1.0)
+        BoardUnderTest(ROBOT, extras=[FirmwareOptions(firmware=library)]).wait(1.0)
     assert f"{library}: {BROKEN[way]}" in str(error.value)
     assert "\n" not in str(error.value)
 
@@ -153,10 +159,13 @@ def test_a_file_that_is_no_library_and_what_needs_our_firmware(example: Path, mo
     text = tmp_path / "fw.so"
     text.write_text("no library", encoding="utf-8")
     with refusing(InputError):
-        BoardUnderTest(ROBOT, firmware=text)
+        BoardUnderTest(ROBOT, extras=[FirmwareOptions(firmware=text)])
     with refusing(InputError):
-        BoardUnderTest(ROBOT, firmware="none")
+        BoardUnderTest(ROBOT, extras=[FirmwareOptions(firmware="none")])
     with refusing(InputError):
-        execute(motion, "carry", firmware=example)
+        execute(motion, "carry", extras=[FirmwareOptions(firmware=example)])
     with refusing(InputError):
-        BoardUnderTest(ROBOT, firmware=example, extras=[FaultOptions(scenario=[EmergencyStop(pressed=True)])])
+        BoardUnderTest(
+            ROBOT,
+            extras=[FirmwareOptions(firmware=example), FaultOptions(scenario=[EmergencyStop(pressed=True)])],
+        )

@@ -5,6 +5,7 @@ import pytest
 from steptwin.emulator.drivers.axis_wires import Wire, WireState
 from steptwin.features.faults.kinds.machine import BrownOut, EmergencyStop, WatchdogReset
 from steptwin.features.faults.kinds.wiring import SetWire
+from steptwin.features.firmware.options import FirmwareOptions
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.board_under_test import BoardUnderTest
 from tests.features.firmware.compilers import CPP, NEEDS_GCC, Build
@@ -35,7 +36,7 @@ def told(board: BoardUnderTest) -> list[tuple[int, str]]:
 
 
 def test_busy_waits_in_the_can_interrupt_make_pulses(build: Build) -> None:
-    board = BoardUnderTest(ROBOT, firmware=build("waits.c", HAL, WAY=IN_CAN))
+    board = BoardUnderTest(ROBOT, extras=[FirmwareOptions(firmware=build("waits.c", HAL, WAY=IN_CAN))])
     board.wait(0.01)
     for _ in range(3):
         board.network.send_message(0x123, b"")
@@ -47,7 +48,7 @@ def test_busy_waits_in_the_can_interrupt_make_pulses(build: Build) -> None:
 
 
 def test_busy_waits_in_a_timers_interrupt_make_pulses(build: Build) -> None:
-    board = BoardUnderTest(ROBOT, firmware=build("waits.c", HAL, WAY=IN_TIMER))
+    board = BoardUnderTest(ROBOT, extras=[FirmwareOptions(firmware=build("waits.c", HAL, WAY=IN_TIMER))])
     wait_until(board, 0.0101)
     assert board.pins(JOINT).clk_rise_counts.tolist() == [ms * MS for ms in range(6, 11)]
     assert (board.pins(JOINT).clk_fall_counts - board.pins(JOINT).clk_rise_counts).tolist() == [35 * US] * 5
@@ -55,7 +56,7 @@ def test_busy_waits_in_a_timers_interrupt_make_pulses(build: Build) -> None:
 
 def test_what_a_waiting_interrupt_lets_through(build: Build) -> None:
     """One that waits from 25 to 35 ms: the urgent timer comes in time, the lazy one once, after it, then main."""
-    board = BoardUnderTest(ROBOT, firmware=build("waits.c", HAL, WAY=NESTED))
+    board = BoardUnderTest(ROBOT, extras=[FirmwareOptions(firmware=build("waits.c", HAL, WAY=NESTED))])
     wait_until(board, 0.03)
     board.operate(EmergencyStop(pressed=True))
     wait_until(board, 0.0409)
@@ -74,7 +75,7 @@ def test_what_a_waiting_interrupt_lets_through(build: Build) -> None:
 
 
 def test_a_waiting_can_interrupt_has_three_frames_pending(build: Build) -> None:
-    board = BoardUnderTest(ROBOT, firmware=build("waits.c", HAL, WAY=CAN_BUSY))
+    board = BoardUnderTest(ROBOT, extras=[FirmwareOptions(firmware=build("waits.c", HAL, WAY=CAN_BUSY))])
     wait_until(board, 0.0101)
     for name in b"abcde":
         board.network.send_message(0x123, bytes([name]))
@@ -89,7 +90,9 @@ def test_a_waiting_can_interrupt_has_three_frames_pending(build: Build) -> None:
 )
 def test_step_that_rests_high_makes_every_step(build: Build, profile: str, low_us: int) -> None:
     """Each is known at once, those before DIR turns and ENABLE falls go the right way, and the last one counts."""
-    board = BoardUnderTest(ROBOT, firmware=build("rests_high.c", HAL, LOW_US=low_us), driver_profile=profile)
+    board = BoardUnderTest(
+        ROBOT, extras=[FirmwareOptions(firmware=build("rests_high.c", HAL, LOW_US=low_us))], driver_profile=profile
+    )
     seen = []
     for at_s in (0.0175, 0.0219, 0.0500):
         wait_until(board, at_s)
@@ -102,7 +105,11 @@ def test_step_that_rests_high_makes_every_step(build: Build, profile: str, low_u
 
 
 def test_a_short_low_pulse_is_seen_and_a_driver_that_steps_at_falls_misses_it(build: Build) -> None:
-    board = BoardUnderTest(ROBOT, firmware=build("rests_high.c", HAL, LOW_US=20), driver_profile="slow-blue-board")
+    board = BoardUnderTest(
+        ROBOT,
+        extras=[FirmwareOptions(firmware=build("rests_high.c", HAL, LOW_US=20))],
+        driver_profile="slow-blue-board",
+    )
     wait_until(board, 0.03)
     assert moved(board) == 0
     assert {(each.rule, each.value) for each in board.violations()} == {("clk_high", 20.0)}
@@ -112,7 +119,9 @@ def test_a_short_low_pulse_is_seen_and_a_driver_that_steps_at_falls_misses_it(bu
 @pytest.mark.slow
 def test_the_emergency_stop_and_the_supply_end_a_motion_that_rests_high(build: Build) -> None:
     """The firmware is not run ahead of the inputs, however fast it steps."""
-    board = BoardUnderTest(ROBOT, firmware=build("rests_high.c", HAL, LOW_US=10), driver_profile="chip-100pf")
+    board = BoardUnderTest(
+        ROBOT, extras=[FirmwareOptions(firmware=build("rests_high.c", HAL, LOW_US=10))], driver_profile="chip-100pf"
+    )
     wait_until(board, 0.0124)
     board.operate(EmergencyStop(pressed=True))
     board.wait(0.01)
@@ -132,7 +141,7 @@ def test_the_emergency_stop_and_the_supply_end_a_motion_that_rests_high(build: B
 
 @pytest.mark.parametrize(("wire", "steps"), [(Wire.DIR, 3 - 17), (Wire.STEP, 3)])
 def test_a_broken_wire_while_step_rests_high(build: Build, wire: Wire, steps: int) -> None:
-    board = BoardUnderTest(ROBOT, firmware=build("rests_high.c", HAL, LOW_US=10))
+    board = BoardUnderTest(ROBOT, extras=[FirmwareOptions(firmware=build("rests_high.c", HAL, LOW_US=10))])
     board.operate(SetWire(0, wire, WireState.BROKEN))
     board.wait(0.05)
     assert moved(board) == steps
@@ -140,6 +149,6 @@ def test_a_broken_wire_while_step_rests_high(build: Build, wire: Wire, steps: in
 
 @pytest.mark.skipif(CPP is None, reason="no C++ compiler is installed")
 def test_the_interface_is_for_cpp_too(build: Build) -> None:
-    board = BoardUnderTest(ROBOT, firmware=build("waits.c", HAL, compiler=CPP, WAY=IN_TIMER))
+    board = BoardUnderTest(ROBOT, extras=[FirmwareOptions(firmware=build("waits.c", HAL, compiler=CPP, WAY=IN_TIMER))])
     wait_until(board, 0.0101)
     assert moved(board) == -5

@@ -1,0 +1,42 @@
+"""The firmware of a user's own that boards of an emulated machine run."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from steptwin.host.common.errors import InputError
+from steptwin.host.twin.machine.machine_options import SPELLING, Spelling
+
+if TYPE_CHECKING:
+    from steptwin.emulator.board.board_firmware import BoardProgram
+
+_FIRMWARE: Final = Spelling(
+    option="--firmware",
+    value="FILE",
+    example='"build/fw.so"',
+    says="Let each board run this firmware of yours, compiled for this computer (docs/own-firmware.md).",
+    served=True,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FirmwareOptions:
+    """A library with a user's firmware, which each board runs instead of ours; None: ours."""
+
+    firmware: Path | str | None = field(default=None, metadata={SPELLING: _FIRMWARE})
+
+    def over(self, other: "FirmwareOptions") -> "FirmwareOptions":
+        """Return other options, with those of these that are no defaults in place of theirs."""
+        return other if self.firmware is None else self
+
+    def program(self) -> "Callable[[], BoardProgram] | None":
+        """Return what makes the program of a board; None for our own. Raises InputError if the library is no file."""
+        from steptwin.features.firmware.native_firmware import NativeProgram
+
+        if self.firmware is None:
+            return None
+        path = Path(self.firmware)
+        if not path.is_file():
+            raise InputError(f"firmware={self.firmware}: is no file")
+        return lambda: NativeProgram(path)
