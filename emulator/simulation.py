@@ -13,7 +13,6 @@ from steptwin.emulator.board.board import Board
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.bus.can_controller import CanController, unheard
 from steptwin.emulator.operations import BoardStart, Consequence, Operation, Schedule, Scheduled
-from steptwin.features.nodes.simple_node import SimpleNode
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
@@ -22,7 +21,7 @@ _SILENCE_MAX_S: Final = 1
 
 
 class Participant(Protocol):
-    """Takes part in simulated time beside boards and bus: a further node, the rotors, the part of a feature."""
+    """Takes part in simulated time beside boards and bus: the part of a feature."""
 
     @property
     def next_due_counts(self) -> int | None:
@@ -84,7 +83,6 @@ class Simulation:
         boards: Sequence[Board],
         bus: Bus,
         schedule: Iterable[Scheduled] = (),
-        nodes: Sequence[SimpleNode] = (),
         joining: Iterable["Joining"] = (),
     ) -> None:
         """Switch the boards on.
@@ -93,7 +91,6 @@ class Simulation:
             boards: the boards.
             bus: the bus that joins them.
             schedule: operations on their machines, and the instants of these.
-            nodes: further nodes on the bus, switched on with the boards.
             joining: makes each further participant, if there is one, before the boards boot; in this order they are
                 stepped.
         """
@@ -116,10 +113,6 @@ class Simulation:
         bus.attach(self.host)
         for board in self.boards:
             bus.attach(board.can)
-        self.nodes: tuple[SimpleNode, ...] = tuple(nodes)
-        """The further nodes on the bus."""
-        for node in self.nodes:
-            bus.attach(node.can)
         self.rotor_watch: TurningRotors | None = None
         """The rotors, as the participant that turns them has set it; None: they are where the drivers' steps put them.
         """
@@ -132,15 +125,11 @@ class Simulation:
         """True if the participants must be stepped though no time passes."""
         self.on_operation: Callable[[Scheduled], None] = lambda _: None
         """Called with each operation on a machine as it is executed; not with what a participant does by `apply`."""
-        for node in self.nodes:
-            self.join(node)
         for join in joining:
             if (participant := join(self)) is not None:
                 self.join(participant)
         for board in self.boards:
             board.boot(0)
-        for node in self.nodes:
-            node.boot(0)
 
     def join(self, participant: Participant) -> None:
         """Step a participant from now on, after all others."""
@@ -154,16 +143,6 @@ class Simulation:
         """Switch a board off and on again; the other boards, the host and the clock go on."""
         self._exchanging(number, lambda board, now_counts: board.power_cycle(now_counts))
         self._step_at_once = True
-
-    def switch_node(self, node: SimpleNode, *, on: bool) -> None:
-        """Take the supply from a further node, or give it back; a frame that it was sending breaks off."""
-        if node.powered is on:
-            return
-        before = node.can
-        (node.power_up if on else node.power_down)()
-        self.bus.exchange(before, node.can, self.now_counts)
-        if on:
-            node.boot(self.now_counts)
 
     def _exchanging(self, number: int, act: Callable[[Board, int], None]) -> None:
         """Do something to a board that may leave it with another CAN controller, or with the same one again."""

@@ -26,6 +26,10 @@ class FirmwareOptions:
 
     firmware: Path | str | None = field(default=None, metadata={SPELLING: _FIRMWARE})
 
+    def placed(self, folder: Path) -> "FirmwareOptions":
+        """Return the same with a library whose relative path begins at a folder."""
+        return self if self.firmware is None else FirmwareOptions(firmware=folder / self.firmware)
+
     def over(self, other: "FirmwareOptions") -> "FirmwareOptions":
         """Return other options, with those of these that are no defaults in place of theirs."""
         return other if self.firmware is None else self

@@ -30,7 +30,7 @@ class ReplayOptions:
 def replay(
     wanted: ReplayOptions,
     which: RobotOptions,
-    machine: Annotated[MachineOptions, Without(("faults", "nodes"))],
+    machine: Annotated[MachineOptions, Without(("faults",))],
     log: Path = argument("LOG", "Recorded bus (.log of candump -L, .asc, .blf, .trc), or a run's folder.", MISSING),
     robot: RobotName = None,
 ) -> None:

@@ -65,7 +65,7 @@ class ShadowOptions:
 def shadow(
     wanted: ShadowOptions,
     live: LiveOptions,
-    machine: Annotated[MachineOptions, Without(("faults", "nodes", "bitrate"))],
+    machine: Annotated[MachineOptions, Without(("faults", "bitrate"))],
     robot: RobotName = None,
 ) -> None:
     """Let a twin hear what the hosts tell a running machine, and say where the real board does otherwise.

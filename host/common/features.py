@@ -88,6 +88,14 @@ class MachinePart:
     def end_round(self) -> None:
         """Forget what a board that is served for months need not remember."""
 
+    def described(self) -> Sequence[str]:
+        """Return a line for each thing that the machine of a served board has besides its boards."""
+        return ()
+
+    def state(self) -> Mapping[str, Any]:
+        """Return what a control port tells of it at any time, under keys of its own."""
+        return {}
+
     def document(self) -> Mapping[str, Any]:
         """Return what has happened so far under keys of report.json, without a judgement."""
         return {}

@@ -274,13 +274,13 @@ def banner(served: "ServedBoard") -> list[str]:
         if served.control is None
         else [f"control port at {served.control.address}, for steptwin inject --control {served.control.address}"]
     )
-    nodes = [f"further node 0x{node_id:02X}: {node.description.source}" for node_id, node in board.nodes.items()]
+    besides = [line for part in board.parts.values() for line in part.described()]
     return [
         f"SIMULATED {board.robot.name}: {' '.join(board.robot.joint_names)}, "
         f"nodes {_nodes(board.axes_per_board)}, {board.bus.bitrate // 1000} kbit/s, "
         f"{board.live.pacer.speed:g} x real time{drivers}",
         served.title,
-        *nodes,
+        *besides,
         *control,
     ]
 

@@ -7,7 +7,6 @@ from typing import Any
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.drivers.excitation import CYCLE_FULL_STEPS
 from steptwin.emulator.operations import InputOperation, Operation, Scheduled
-from steptwin.features.nodes.simple_node import SimpleNode
 from steptwin.host.common.features import MachinePart
 from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot
@@ -78,15 +77,6 @@ class EmbeddedBoard:
     def moving(self) -> bool:
         """True while an axis executes a motion."""
         return self._machine.interpolating
-
-    @property
-    def nodes(self) -> Mapping[int, SimpleNode]:
-        """The further nodes on the bus, by their ids."""
-        return self._machine.parts.nodes
-
-    def switch_node(self, node_id: int, *, on: bool) -> None:
-        """Take the supply from a further node, or give it back: it boots again; KeyError if none has this id."""
-        self._machine.switch_node(node_id, on=on)
 
     @property
     def held_up_s(self) -> float:

@@ -16,7 +16,6 @@ from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.drivers.driver_bank import AxisTrace
 from steptwin.emulator.live.live_simulation import Lateness, LiveSimulation, Pacer, warm_up
 from steptwin.emulator.operations import Operation
-from steptwin.features.nodes.simple_node import SimpleNode
 from steptwin.host.common.errors import RecordingError
 from steptwin.host.common.features import MachinePart, judge_of
 from steptwin.host.record.bus_log import BusLog, log_line
@@ -182,15 +181,6 @@ class LiveBoard:
     def surroundings(self) -> Surroundings:
         """What the machine is like now; what is the same for all axes of a board is the same for all boards."""
         return self._machine.surroundings
-
-    @property
-    def nodes(self) -> Mapping[int, SimpleNode]:
-        """The further nodes on the bus, by their ids."""
-        return self._machine.parts.nodes
-
-    def switch_node(self, node_id: int, *, on: bool) -> None:
-        """Take the supply from a further node, or give it back; in the loop only."""
-        self._machine.switch_node(node_id, on=on)
 
     @property
     def axes_per_board(self) -> tuple[int, ...]:

@@ -11,8 +11,6 @@ from steptwin.emulator.board.board_firmware import FirmwareError
 from steptwin.emulator.bus.can_bus import Bus, Log
 from steptwin.emulator.operations import Operation, Scheduled
 from steptwin.emulator.simulation import Simulation
-from steptwin.features.nodes.eds_nodes import eds_nodes
-from steptwin.features.nodes.simple_node import SimpleNode
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import MachinePart, giving
 from steptwin.host.robots.board_settings import Microsteps
@@ -38,7 +36,6 @@ class MachineParts:
         start_steps: where the motors stand, in steps of the robot's file from their axes' zeros.
         commissioned: True for boards whose flash holds the robot's settings, False for new ones.
         boards: the boards, without power.
-        nodes: the further nodes on the bus, by their ids.
         features: the parts that features have, by their names.
     """
 
@@ -48,7 +45,6 @@ class MachineParts:
     start_steps: Sequence[int]
     commissioned: bool
     boards: Sequence[Board]
-    nodes: Mapping[int, SimpleNode]
     features: Mapping[str, MachinePart]
 
     @classmethod
@@ -91,7 +87,6 @@ class MachineParts:
             standing_steps(robot, joints),
             commissioned,
             make_boards(robot, configs, kernel, commissioned=commissioned, program=options.program()),
-            {} if options.nodes is None else eds_nodes(options.nodes, len(robot.axes)),
             parts,
         )
 
@@ -151,8 +146,7 @@ class EmulatedMachine(RobotBoards):
         self.bus: Bus = Bus(options.bits_per_s(robot), log)
         try:
             joining = [part.join for part in parts.features.values()]
-            nodes = tuple(parts.nodes.values())
-            simulation = Simulation(parts.boards, self.bus, schedule, nodes, joining)
+            simulation = Simulation(parts.boards, self.bus, schedule, joining)
         except FirmwareError as error:
             raise InputError(f"firmware: {error}") from error
         super().__init__(robot, simulation, parts.start_steps)
@@ -161,10 +155,6 @@ class EmulatedMachine(RobotBoards):
             each.operation.check(simulation, each.board)
         for part in parts.features.values():
             part.switched_on(self)
-
-    def switch_node(self, node_id: int, *, on: bool) -> None:
-        """Take the supply from a further node, or give it back; KeyError if there is none of this id."""
-        self.simulation.switch_node(self.parts.nodes[node_id], on=on)
 
     @property
     def bus_log(self) -> list[tuple[int, Frame]]:

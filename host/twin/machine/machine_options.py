@@ -98,22 +98,6 @@ def _bits_per_s(text: str) -> int:
         raise InputError(f"bitrate={text}: is not a whole number of bit/s") from None
 
 
-def _node_files(texts: list[str]) -> dict[int, str]:
-    files: dict[int, str] = {}
-    for text in texts:
-        word, equals, path = text.partition("=")
-        try:
-            node_id = whole(word, 0)
-        except ValueError:
-            raise InputError(f"nodes={text}: {word!r} is no node id, as in 0x40=device.eds") from None
-        if not equals or not path:
-            raise InputError(f"nodes={text}: does not name an EDS, as in 0x40=device.eds")
-        if node_id in files:
-            raise InputError(f"nodes={text}: node 0x{node_id:02X} is given twice")
-        files[node_id] = path
-    return files
-
-
 class MachineKeywords(TypedDict, total=False):
     """The fields of `MachineOptions`, as keyword arguments of the functions that users call."""
 
@@ -123,7 +107,6 @@ class MachineKeywords(TypedDict, total=False):
     axes_per_board: Sequence[int] | None
     crystal_ppm: int | Sequence[int]
     bitrate: int | None
-    nodes: Mapping[int, Path | str] | None
     extras: Sequence[Any]
 
 
@@ -176,14 +159,6 @@ _BITRATE = Spelling(
     says="Bit rate of the bus; by default the robot file's.",
     read=_bits_per_s,
 )
-_NODES = Spelling(
-    option="--node",
-    value="ID=EDS",
-    example='{0x40: "io.eds"}',
-    says="Put a further CANopen node, as simple as this EDS, on the bus (docs/nodes.md); repeatable.",
-    read=_node_files,
-    repeatable=True,
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -201,7 +176,6 @@ class MachineOptions:
     axes_per_board: Sequence[int] | None = field(default=None, metadata={SPELLING: _BOARDS})
     crystal_ppm: int | Sequence[int] = field(default=0, metadata={SPELLING: _CRYSTAL})
     bitrate: int | None = field(default=None, metadata={SPELLING: _BITRATE})
-    nodes: Mapping[int, Path | str] | None = field(default=None, metadata={SPELLING: _NODES})
     extras: Sequence[Any] = field(default=(), metadata={OF_FEATURES: "machine_options"})
 
     @property

@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.features.nodes.eds_nodes import read_node
+from steptwin.features.nodes.options import NodeOptions
+from steptwin.features.nodes.part import NodesPart
 from steptwin.features.nodes.simple_node import SimpleNode
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.board_under_test import BoardUnderTest
@@ -27,12 +29,19 @@ START, STOP, PRE_OPERATIONAL, RESET, RESET_COMMUNICATION = 1, 2, 128, 129, 130
 
 @pytest.fixture
 def board(fast_kernel: Kernel) -> BoardUnderTest:
-    return BoardUnderTest(load_robot("lab-scara"), kernel=fast_kernel, nodes={ID: EDS})
+    return BoardUnderTest(load_robot("lab-scara"), kernel=fast_kernel, extras=[NodeOptions(nodes={ID: EDS})])
+
+
+def nodes_of(board: BoardUnderTest) -> NodesPart:
+    """Return the part of a board's machine that has its further nodes."""
+    part = board.parts["nodes"]
+    assert isinstance(part, NodesPart)
+    return part
 
 
 @pytest.fixture
 def node(board: BoardUnderTest) -> SimpleNode:
-    return board.nodes[ID]
+    return nodes_of(board).nodes[ID]
 
 
 @pytest.fixture
@@ -229,7 +238,7 @@ def test_without_supply_it_is_silent_and_forgets(board: BoardUnderTest, node: Si
     command(board, START)
     node.set_value(INPUTS, 5)
     board.wait(0.05)
-    board.switch_node(ID, on=False)
+    nodes_of(board).switch(ID, on=False)
     before = len(board.bus_log)
     node.set_value(INPUTS, 6)
     node.emergency(0x5000)
@@ -238,7 +247,7 @@ def test_without_supply_it_is_silent_and_forgets(board: BoardUnderTest, node: Si
     assert all(frame.cob_id & 0x7F != ID for _, frame in board.bus_log[before:])
     assert not node.powered
     for on in (True, True):
-        board.switch_node(ID, on=on)
+        nodes_of(board).switch(ID, on=on)
     board.wait(0.05)
     assert frames(board, 0x700, before) == [b"\0"]
     assert node.value(INPUTS) == 0
@@ -251,7 +260,7 @@ def test_a_frame_breaks_off_with_the_supply(board: BoardUnderTest, node: SimpleN
     before = len(frames(board, 0x180))
     node.set_value(INPUTS, 9)
     board.pass_time(20e-6)
-    board.switch_node(ID, on=False)
+    nodes_of(board).switch(ID, on=False)
     board.wait(0.01)
     assert len(frames(board, 0x180)) == before
 
