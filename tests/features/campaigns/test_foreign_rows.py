@@ -188,5 +188,5 @@ def test_a_campaign_continues_beside_others_files_and_tells_a_copy_before_its_ru
     told = run_json(capsys, *words, "1")
     assert (told["runs"], told["planned"]) == (1, 1)
     shutil.copy(out / "rows" / "part-000001.parquet", out / "rows" / "part-000009.parquet")
-    monkeypatch.setattr("steptwin.features.campaigns.run_here", pytest.fail)
+    monkeypatch.setattr("steptwin.features.campaigns.workers.run_here", pytest.fail)
     refusal(capsys, *words, "3")

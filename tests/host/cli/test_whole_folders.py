@@ -21,7 +21,7 @@ def full(*_: object) -> None:
     ("words", "last"),
     [
         (("workspace", "lab-scara", "--samples", "50"), "steptwin.host.cli.robots.workspace.whole_file"),
-        (("calibrate", "calibration-scara", "{measured}"), "steptwin.host.cli.robots.calibrate._draw"),
+        (("calibrate", "calibration-scara", "{measured}"), "steptwin.features.calibration.command._draw"),
     ],
 )
 def test_a_full_disk_leaves_the_folder(

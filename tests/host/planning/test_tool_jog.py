@@ -16,7 +16,7 @@ from steptwin.host.planning.tool_by_hand import (
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
-from tests.host.planning.test_tool_step import ROBOTS, STANDING, poses, standing
+from tests.features.arms.test_tool_step import ROBOTS, STANDING, poses, standing
 from tests.messages import refusing
 
 DIRECTIONS = [("x", -1.0), pytest.param("y", 1.0, marks=pytest.mark.slow), ("z", -1.0)]

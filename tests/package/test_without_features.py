@@ -1,0 +1,32 @@
+"""Each feature can be deleted, with its registration and tests: what is left works, and its tests find what they need.
+
+`python -m tests.without NAME tests/emulator ...` runs the tests that are left, which takes minutes for each feature.
+"""
+
+from pathlib import Path
+
+import pytest
+
+from steptwin.host.common.features import features
+from tests.without import copy_without, gone_with, run_in
+
+ROOMS = ("tests/protocol", "tests/controller", "tests/emulator", "tests/host")
+STILL = "t,d1,th2,th3,th4\n0,150,0,30,0\n0.2,150.5,0,30,0\n"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", features())
+def test_what_is_left_works(name: str, tmp_path: Path) -> None:
+    copy = copy_without(name, tmp_path)
+    (copy / "still.csv").write_text(STILL, encoding="utf-8")
+    for words in (
+        ("-m", "steptwin", "run", "lab-scara", "still.csv", "--out", "out/still"),
+        ("-m", "steptwin", "verify", "out/still"),
+        ("-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider", *ROOMS),
+    ):
+        done = run_in(copy, *words)
+        assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    shown = run_in(copy, "-m", "steptwin", "--help")
+    assert shown.stderr == ""
+    for gone in gone_with(name):
+        assert not any(f"│ {row.name} " in shown.stdout for row in features()[gone].commands)
