@@ -33,7 +33,7 @@ main()
 
 @pytest.mark.parametrize(
     "instant",
-    ["steptwin.host.cli", "typer", "steptwin.host.cli.robots.workspace", "numpy", "steptwin.host.robots", "the end"],
+    ["steptwin.host.cli", "typer", "steptwin.host.cli.robots.poses", "numpy", "steptwin.host.robots", "the end"],
 )
 def test_during_an_import_and_at_the_end(instant: str) -> None:
     words = [sys.executable, "-c", PROGRAM, instant]

@@ -54,7 +54,7 @@ def _a_quarter_of_an_hour(kernel: Kernel, folder: Path) -> None:
         finally:
             desk.close()
     _is_the_spiral(folder)
-    assert run(["verify", str(folder)]) == 0
+    assert run(["verify", str(folder)]) == 1  # the machine was stopped after the spiral
     assert json.loads((folder / "report.json").read_text())["next_motion_s"] is not None
 
 
