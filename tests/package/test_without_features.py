@@ -1,4 +1,4 @@
-"""Each feature can be deleted, with its registration and tests: what is left works, and its tests find what they need.
+"""Each feature can be deleted, with its registration and tests: what is left runs, checks and helps.
 
 `python -m tests.without NAME tests/emulator ...` runs the tests that are left, which takes minutes for each feature.
 """
@@ -10,7 +10,7 @@ import pytest
 from steptwin.host.common.features import features
 from tests.without import copy_without, gone_with, run_in
 
-ROOMS = ("tests/protocol", "tests/controller", "tests/emulator", "tests/host")
+PROGRAM = 'robot = "lab-scara"\n[[step]]\npause = 0.1\n'
 STILL = "t,d1,th2,th3,th4\n0,150,0,30,0\n0.2,150.5,0,30,0\n"
 
 
@@ -19,10 +19,10 @@ STILL = "t,d1,th2,th3,th4\n0,150,0,30,0\n0.2,150.5,0,30,0\n"
 def test_what_is_left_works(name: str, tmp_path: Path) -> None:
     copy = copy_without(name, tmp_path)
     (copy / "still.csv").write_text(STILL, encoding="utf-8")
+    (copy / "still.toml").write_text(PROGRAM, encoding="utf-8")
     for words in (
-        ("-m", "steptwin", "run", "lab-scara", "still.csv", "--out", "out/still"),
-        ("-m", "steptwin", "verify", "out/still"),
-        ("-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider", *ROOMS),
+        ("-m", "steptwin", "run", "lab-scara", "still.csv", "--kernel", "python"),
+        ("-m", "steptwin", "check", "still.toml"),
     ):
         done = run_in(copy, *words)
         assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
