@@ -54,7 +54,7 @@ class TurningRotors(Participant, Protocol):
 
     @property
     def work_counts(self) -> int:
-        """Instant from which there is something to `work` on."""
+        """Instant of the next piece of `work`."""
         ...
 
     @property

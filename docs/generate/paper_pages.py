@@ -32,7 +32,7 @@ class PaperRow(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Paper:
-    """A paper's file: its citation, words about it, joints at which its frames are drawn, its job, and the rows."""
+    """A paper's file: citation, text, the joints for the drawing of frames, the job, and the rows of the table."""
 
     citation: str
     text: str

@@ -33,7 +33,10 @@ _NEAR_WHAT: Final = ("near where the wrist meets axis 1", "near the stretched el
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SixAxisArm(SerialChain):
-    """The kinematics of a chain with the branches that its shape names; implements Kinematics."""
+    """The kinematics of a chain with the branches that its shape names; implements Kinematics.
+
+    Methods of the base class are called by its name: a dataclass with slots is made anew, and `super()` fails in it.
+    """
 
     @property
     def branches(self) -> tuple[str, ...]:

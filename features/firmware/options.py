@@ -36,11 +36,11 @@ class FirmwareOptions:
 
     def program(self) -> "Callable[[], BoardProgram] | None":
         """Return what makes the program of a board; None for our own. Raises InputError if the library is no file."""
-        from steptwin.features.firmware.native_firmware import NativeProgram
-
         if self.firmware is None:
             return None
         path = Path(self.firmware)
         if not path.is_file():
             raise InputError(f"firmware={self.firmware}: is no file")
+        from steptwin.features.firmware.native_firmware import NativeProgram
+
         return lambda: NativeProgram(path)

@@ -341,10 +341,9 @@ def registered() -> tuple[Mapping[str, Feature], Mapping[str, str]]:
             found[point.name] = point.load()
         except Exception as error:
             broken[point.name] = f"feature {point.name} of {_origin(point)} cannot be loaded: {error}; install it again"
-    while alone := next((each for each in found.values() if not set(each.needs) <= found.keys()), None):
-        missing = ", ".join(sorted(set(alone.needs) - found.keys()))
-        del found[alone.name]
-        broken[alone.name] = f"feature {alone.name} needs the feature {missing}, which is not there"
+    while name := next((name for name, each in found.items() if not set(each.needs) <= found.keys()), None):
+        missing = ", ".join(sorted(set(found.pop(name).needs) - found.keys()))
+        broken[name] = f"feature {name} needs the feature {missing}, which is not there"
     return found, broken
 
 

@@ -216,7 +216,7 @@ class RotorWatch:
 
     @property
     def work_counts(self) -> int:
-        """Instant from which there is something to `work` on."""
+        """Instant of the next piece of `work`."""
         ticks = self._end_tick - self._tick
         if self._pieces is not None:
             ticks = 0

@@ -124,7 +124,7 @@ class Outcome:
         fault: the fault that ended the run; None if it came to its end.
         driver_profile: name of the drivers that the board had.
         waits: the waits for inputs on the way; the plan has their standstills in it, and ends with one that timed out.
-        verdicts: what features say of the run to which they have done something, by their names.
+        verdicts: the verdicts of features that acted on the run, by their names.
         operations: what was done to the machine beside its bus, as requests of the control port, each with its instant
             `at_s` since power-up.
         axes_per_board: number of axes on each of several boards; empty: one board had all.
