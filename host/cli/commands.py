@@ -1,7 +1,6 @@
 """List the commands: those of the core, then those that features add, by the groups of `steptwin --help`."""
 
 from collections.abc import Mapping
-from functools import cache
 from typing import Final
 
 from steptwin.host.common.features import COMMAND_GROUPS, CommandRow, giving
@@ -140,7 +139,6 @@ COMMANDS: Final = (
 )
 
 
-@cache
 def command_table() -> Mapping[str, CommandRow]:
     """Return every command by its name, in the order of the groups; the core's names are not replaced."""
     of_features = (row for _, rows in giving("commands") for row in rows)

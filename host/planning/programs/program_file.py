@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import cache
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
@@ -348,13 +347,15 @@ def _steps(elements: Iterable[object], place: str, findings: Findings, usual: Us
 
 
 def _step(table: Table, place: str, findings: Findings, usual: Usual) -> AnyStep:
-    verbs = [key for key in table if key in _verbs()]
+    of_features = _steps_of_features()
+    known = (*_VERBS, *of_features, *_OTHERS)
+    verbs = [key for key in table if key in known]
     if len(verbs) != 1:
-        meant = [f"{key!r} is unknown: did you mean {near}?" for key in table if (near := _meant(key))]
+        meant = [f"{key!r} is unknown: did you mean {near}?" for key in table if (near := _meant(key, known))]
         if meant and not verbs:
             raise InputError(meant[0])
         given = " and ".join(verbs) or "none"
-        raise InputError(f"a step has exactly one of {', '.join(_verbs())}, not {given}")
+        raise InputError(f"a step has exactly one of {', '.join(known)}, not {given}")
     verb = verbs[0]
     if verb == "repeat":
         table.check_keys(("repeat", "steps"))
@@ -364,8 +365,8 @@ def _step(table: Table, place: str, findings: Findings, usual: Usual) -> AnyStep
         names = [table.text("each")] if isinstance(table.values["each"], str) else _texts(table, "each")
         cells = table.text("cells") if "cells" in table else None
         return Each(tuple(names), cells, _steps(_some(table, "steps"), place, findings, usual))
-    if verb in _steps_of_features():
-        of_feature = _steps_of_features()[verb]
+    if verb in of_features:
+        of_feature = of_features[verb]
         table.check_keys((verb, *of_feature.keys))
         return of_feature.read(table, usual)
     read, keys = _VERBS[verb]
@@ -375,7 +376,6 @@ def _step(table: Table, place: str, findings: Findings, usual: Usual) -> AnyStep
     return read(table)
 
 
-@cache
 def _steps_of_features() -> dict[str, StepReading]:
     return {verb: reading for _, steps in giving("program_steps") for verb, reading in steps().items()}
 
@@ -385,14 +385,9 @@ def verb_of_suffix() -> dict[str, str]:
     return {suffix: verb for verb, reading in _steps_of_features().items() for suffix in reading.suffixes}
 
 
-def _verbs() -> tuple[str, ...]:
-    """Return all verbs of steps."""
-    return (*_VERBS, *_steps_of_features(), *_OTHERS)
-
-
-def _meant(key: str) -> str | None:
+def _meant(key: str, verbs: Iterable[str]) -> str | None:
     """Return the verb that an unknown key may stand for: other programs' words for it, or the nearest name."""
-    near = nearest(key, _verbs())
+    near = nearest(key, verbs)
     return _OTHER_WORDS.get(key) or (near[0] if near else None)
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
 from typing import Any, Final
 
 from steptwin.host.common.bad_input import unknown
@@ -64,7 +63,6 @@ _KINDS: Final[dict[str, Kind]] = {
 }
 
 
-@cache
 def kinds() -> Mapping[str, Kind]:
     """Return the kinds by their names in robot files: the core's, of which features may replace some, and theirs."""
     found = dict(_KINDS)
