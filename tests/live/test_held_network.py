@@ -201,7 +201,7 @@ def test_a_stop_that_is_obeyed_is_said(browser: Browser) -> None:
 def test_a_page_whose_panel_was_killed_says_nothing_old(browser: Browser, tmp_path: Path) -> None:
     """The last test of the file: the panel is gone after it."""
     panels = [
-        each for each in descendants_of(os.getpid()) if b"served_panel" in Path(f"/proc/{each}/cmdline").read_bytes()
+        each for each in descendants_of(os.getpid()) if b"panel.served" in Path(f"/proc/{each}/cmdline").read_bytes()
     ]
     assert len(panels) == 1
     os.kill(panels[0], signal.SIGKILL)

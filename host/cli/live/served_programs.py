@@ -2,7 +2,7 @@
 
 The one of `--exec` is started once the board is served, and its end is the server's.
 
-The panel is a process of its own, `served_panel`. In the server's process the page would make the board late: with it
+The panel is a process of its own, `panel.served`. In the server's process the page would make the board late: with it
 in a thread, ticks at the 99th percentile were seen 22 ms late instead of 7.6 ms, beside it 5.8 ms (measured with
 NiceGUI 3.18 on two cores). It begins before the board is ready, since its imports take longer than the board's.
 """
