@@ -92,7 +92,7 @@ class Trial:
         """Return the scenario in a motion as planned; None without a fault.
 
         Raises:
-            InputError: something in it is wrong, or the robot does not have what it harms.
+            InputError: something in it is wrong, or the robot lacks what a fault concerns.
         """
         if not self.table.get("fault"):
             return None

@@ -4,12 +4,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from steptwin.features.faults import NAME
-from steptwin.features.faults.engine import Engine, HostCondition
-from steptwin.features.faults.kinds.drivers import OscCapacitor
-from steptwin.features.faults.kinds.host import NO_HOST
+from steptwin.features.faults.engine import Engine
+from steptwin.features.faults.judge import played_document, scenario_report
+from steptwin.features.faults.kinds.host import NO_HOST, HostCondition
+from steptwin.features.faults.kinds.wiring import OscCapacitor
 from steptwin.features.faults.lost_host import FaultyNetwork, replace_host, without_host
 from steptwin.features.faults.report import ScenarioReport
-from steptwin.features.faults.reporting import played_document, scenario_report
 from steptwin.features.faults.scenario import Scenario
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.common.features import MachinePart
@@ -41,7 +41,7 @@ class FaultsPart(MachinePart):
         """Begin with what is due at power-up.
 
         Raises:
-            InputError: the machine has not what the scenario harms, or runs other firmware.
+            InputError: the machine lacks what a fault concerns, or runs other firmware.
         """
         if not all(board.runs_own for board in machine.simulation.boards):
             raise InputError("firmware: a scenario is judged by the reactions of StepTwin's firmware")
@@ -49,12 +49,12 @@ class FaultsPart(MachinePart):
 
     def check_live(self) -> None:
         """Raise InputError if a fault concerns the host."""
-        if self.scenario.harms_host:
+        if self.scenario.of_host:
             raise InputError(f"{self.scenario.name}: {NO_HOST}")
 
     def network(self) -> FaultyNetwork | None:
         """Return the network of a host that faults concern."""
-        if not self.scenario.harms_host:
+        if not self.scenario.of_host:
             return None
         target = self.engine.target
         return FaultyNetwork(target.simulation, self.host, lambda: target.interpolating)

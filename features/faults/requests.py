@@ -1,20 +1,19 @@
-"""Read requests as harms to a robot's machine, and write harms as requests: the same words for all who ask.
+"""Read requests as faults of a robot's machine, and write faults as requests: the same words for all who ask.
 
 The control port, `steptwin inject` and the faults of a scenario use them, help and docs show them. What a request may
-have is in the fields of the harms, in `features/faults/kinds/`; here is how each kind of value is read and written.
+have is in the fields of the faults, in `features/faults/kinds/`; here is how each kind of value is read and written.
 A fault of the bus names the frames that it concerns: those of a service, of one joint's node or of all.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, asdict, dataclass, fields
+from dataclasses import MISSING, asdict, dataclass, fields, replace
 from functools import partial
 from reprlib import repr as short
-from typing import TYPE_CHECKING, Any, Final, cast
+from typing import TYPE_CHECKING, Any, Final
 
-from steptwin.features.faults.kinds import HARMS
-from steptwin.features.faults.kinds.harm import Harm, Key, KeyKind
+from steptwin.features.faults.fault import Fault, Key, KeyKind
+from steptwin.features.faults.kinds import FAULTS
 from steptwin.features.faults.kinds.host import HostFault
-from steptwin.features.faults.kinds.machine import SetInput
 from steptwin.host.common import numbers
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.choices import LEVELS, STATE, SWITCHES
@@ -38,7 +37,9 @@ from steptwin.protocol.frame import (
 )
 
 if TYPE_CHECKING:
+    from steptwin.emulator.operations import Operation
     from steptwin.host.robots.robot import Robot
+    from steptwin.host.twin.live.live_board import LiveBoard
 
 
 _NODES: Final[Mapping[str, tuple[int, ...]]] = {
@@ -64,11 +65,6 @@ _OF_HOST: Final = "of-host"
 
 FRAMES: Final = (*_NODES, *_HOST_FRAMES)
 """The names."""
-
-
-def per_node(name: str) -> bool:
-    """Return whether frames of this name belong to a joint's node."""
-    return name in _NODES
 
 
 def cob_ids(robot: "Robot", name: str, axis: int | None = None) -> tuple[int, ...]:
@@ -102,42 +98,25 @@ def checked_identifier(key: str, value: object) -> int:
 
 DATA_BYTES_MAX: Final = 8
 """Longest data of a frame."""
-REQUESTS: Final[Mapping[str, type[Harm] | None]] = {**{harm.do: harm for harm in HARMS}, STATE: None}
+REQUESTS: Final[Mapping[str, type[Fault] | None]] = {**FAULTS, STATE: None}
 """What each request does, in the order of help and docs."""
 INJECTED: Final = tuple(do for do in REQUESTS if do != HostFault.do)
 """What may be asked of a served board, whose hosts are programs of their own."""
 
 
-def does(do: str) -> str:
+def sentence(do: str) -> str:
     """Return what a request does, in words; Markdown."""
-    harm = REQUESTS[do]
-    return "nothing: it asks how the machine is" if harm is None else harm.does
+    fault = REQUESTS[do]
+    return "nothing: it asks how the machine is" if fault is None else fault.sentence()
 
 
 def keys_of(do: str) -> dict[str, Key]:
     """Return the keys that a request has beside `do`, in the order of a command's words."""
-    harm = REQUESTS[do]
-    return {} if harm is None else harm.keys()
+    fault = REQUESTS[do]
+    return {} if fault is None else fault.keys()
 
 
 # --- the kinds of values
-
-
-@dataclass(frozen=True, slots=True)
-class ValueKind:
-    """How a kind of value is read.
-
-    Attributes:
-        metavar: stands for it in help.
-        says: what it is in JSON, in words.
-        of_word: returns the value that a word means, None if it means that the key is missing; raises InputError.
-        read: reads it from a table by its key.
-    """
-
-    metavar: str
-    says: str
-    of_word: Callable[[str], object]
-    read: Callable[[Table, Key], Any]
 
 
 def _level(word: str) -> bool:
@@ -151,11 +130,6 @@ def _whole(word: str, base: int = 10) -> int:
         return numbers.whole(word, base)
     except ValueError:
         raise InputError(f"{short(word)} is not a whole number") from None
-
-
-def _identifiers(word: str) -> str | list[int]:
-    """Return a name, or the identifiers of a list such as 0x510,0x77F."""
-    return [_whole(each, 0) for each in word.split(",")] if word[:1].isdigit() else word
 
 
 def _read_frames(table: Table, key: Key) -> str | tuple[int, ...]:
@@ -180,16 +154,67 @@ def _read_bytes(table: Table, key: Key) -> bytes:
     return data
 
 
-def _read_whole(table: Table, key: Key) -> int:
-    return table.integer(key.name, key.most, key.least)
+def _wired_input(robot: "Robot", name: str, _values: Mapping[str, Any]) -> Any:
+    from steptwin.host.operate.inputs_outputs import wired_input  # takes long to import, and help needs it not
+
+    return wired_input(robot, name)
 
 
-def _read_text(table: Table, key: Key) -> str:
-    return table.text(key.name)
+def _input_name(robot: "Robot", bit: DigitalInput, fault: Any) -> str | None:
+    from steptwin.host.operate.inputs_outputs import wired_inputs
+
+    return next((name for name, place in wired_inputs(robot).items() if place == (fault.axis, bit)), None)
+
+
+def _fitted_switch(robot: "Robot", name: str, values: Mapping[str, Any]) -> DigitalInput:
+    from steptwin.host.operate.inputs_outputs import switches_of
+
+    joint = values["joint"]
+    fitted = switches_of(robot, robot.axis_index(joint))
+    if name not in fitted:
+        raise unknown(f"switch of {joint}", name, fitted)
+    return fitted[name]
+
+
+def _ids_of(robot: "Robot", frames: str | tuple[int, ...], values: Mapping[str, Any]) -> tuple[int, ...]:
+    joint = values["joint"]
+    if joint is None:
+        return cob_ids(robot, frames) if isinstance(frames, str) else frames
+    axis = robot.axis_index(joint)
+    if not isinstance(frames, str) or frames not in _NODES:
+        raise InputError(f"joint: {joint} has no frames of its own among {frames}")
+    return cob_ids(robot, frames, axis)
+
+
+@dataclass(frozen=True, slots=True)
+class ValueKind:
+    """How a kind of value is read and written.
+
+    Attributes:
+        metavar: stands for it in help.
+        says: what it is in JSON, in words.
+        of_word: returns the value that a word means, None if it means that the key is missing; raises InputError.
+        read: reads it from a table by its key.
+        meant: returns what it means for a robot, from it and the request's other values; None: what it is.
+        told: returns what requests have for a field's value, from it and the fault; None: the value.
+    """
+
+    metavar: str
+    says: str
+    of_word: Callable[[str], object]
+    read: Callable[[Table, Key], Any] = lambda table, key: table.text(key.name)
+    meant: "Callable[[Robot, Any, Mapping[str, Any]], Any] | None" = None
+    told: "Callable[[Robot, Any, Fault], Any] | None" = None
 
 
 _HOST: Final = "host"
-_SAYS_JOINT: Final = "name of a joint"
+_JOINT: Final = ValueKind(
+    "JOINT",
+    "name of a joint",
+    str,
+    meant=lambda robot, name, _: robot.axis_index(name),
+    told=lambda robot, axis, _: robot.axis_names[axis],
+)
 _KINDS: Final[Mapping[KeyKind, ValueKind]] = {
     KeyKind.TRUTH: ValueKind("on|off", "true or false", _level, lambda table, key: table.truth(key.name)),
     KeyKind.WHOLE: ValueKind(
@@ -201,27 +226,51 @@ _KINDS: Final[Mapping[KeyKind, ValueKind]] = {
         numbers.finite_number,
         lambda table, key: table.number(key.name, key.least, key.most, key.unit),
     ),
-    KeyKind.WORD: ValueKind("WORD", "word", str, _read_text),
-    KeyKind.JOINT: ValueKind("JOINT", _SAYS_JOINT, str, _read_text),
-    KeyKind.STATION: ValueKind(f"JOINT|{_HOST}", _SAYS_JOINT, lambda word: None if word == _HOST else word, _read_text),
-    KeyKind.INPUT: ValueKind("NAME", "name of an input", str, _read_text),
-    KeyKind.SWITCH: ValueKind("|".join(SWITCHES), " or ".join(f"`{name}`" for name in SWITCHES), str, _read_text),
-    KeyKind.FRAMES: ValueKind("FRAMES", "name of frames, or list of identifiers", _identifiers, _read_frames),
+    KeyKind.WORD: ValueKind("WORD", "word", str),
+    KeyKind.JOINT: _JOINT,
+    KeyKind.STATION: replace(_JOINT, metavar=f"JOINT|{_HOST}", of_word=lambda word: None if word == _HOST else word),
+    KeyKind.INPUT: ValueKind("NAME", "name of an input", str, meant=_wired_input, told=_input_name),
+    KeyKind.SWITCH: ValueKind(
+        "|".join(SWITCHES),
+        " or ".join(f"`{name}`" for name in SWITCHES),
+        str,
+        meant=_fitted_switch,
+        told=lambda _robot, switch, _fault: next(name for name, bit in SWITCHES.items() if bit == switch),
+    ),
+    KeyKind.FRAMES: ValueKind(
+        "FRAMES",
+        "name of frames, or list of identifiers",
+        lambda word: [_whole(each, 0) for each in word.split(",")] if word[:1].isdigit() else word,
+        _read_frames,
+        _ids_of,
+    ),
     KeyKind.IDENTIFIER: ValueKind(
         "ID", "identifier", lambda word: _whole(word, 0), lambda table, key: read_identifier(table, key.name)
     ),
-    KeyKind.BYTES: ValueKind("HEX", f"up to {DATA_BYTES_MAX} bytes in hexadecimal digits", str, _read_bytes),
+    KeyKind.BYTES: ValueKind(
+        "HEX",
+        f"up to {DATA_BYTES_MAX} bytes in hexadecimal digits",
+        str,
+        _read_bytes,
+        told=lambda _robot, data, _fault: data.hex(" "),
+    ),
 }
+
+
+def kind_of(key: Key) -> ValueKind:
+    """Return how the value of a key is read and written."""
+    assert key.kind is not None
+    return _KINDS[key.kind]
 
 
 def metavar(key: Key) -> str:
     """Return what stands for a key's value in help."""
-    return key.metavar or "|".join(map(str, key.choices)) or _KINDS[key.kind].metavar
+    return key.metavar or "|".join(map(str, key.choices)) or kind_of(key).metavar
 
 
 def says(key: Key) -> str:
     """Return what a key's value is in JSON, in words."""
-    return " or ".join(f"`{each}`" for each in key.choices) or _KINDS[key.kind].says
+    return " or ".join(f"`{each}`" for each in key.choices) or kind_of(key).says
 
 
 def usage(do: str) -> str:
@@ -230,70 +279,30 @@ def usage(do: str) -> str:
     return " ".join(f"[{key.name}={metavar(key)}]" if key.optional else metavar(key) for key in keys)
 
 
+# --- reading
+
+
 def _read_value(key: Key, table: Table, _name: str) -> Any:
     """Read the value of a key, of its kind and within its limits."""
-    value = _KINDS[key.kind].read(table, key)
+    value = kind_of(key).read(table, key)
     if key.choices and value not in key.choices:
         raise InputError(f"{key.name}: {value!r} is not one of {', '.join(map(str, key.choices))}")
     return value
 
 
-# --- the parts of a robot
-
-
-def _switch_of(robot: "Robot", joint: str, name: str) -> DigitalInput:
-    from steptwin.host.operate.inputs_outputs import switches_of  # takes long to import, and help needs it not
-
-    fitted = switches_of(robot, robot.axis_index(joint))
-    if name not in fitted:
-        raise unknown(f"switch of {joint}", name, fitted)
-    return fitted[name]
-
-
-def _ids_of(robot: "Robot", joint: str | None, frames: str | tuple[int, ...]) -> tuple[int, ...]:
-    if joint is None:
-        return cob_ids(robot, frames) if isinstance(frames, str) else frames
-    axis = robot.axis_index(joint)
-    if not isinstance(frames, str) or not per_node(frames):
-        raise InputError(f"joint: {joint} has no frames of its own among {frames}")
-    return cob_ids(robot, frames, axis)
-
-
-def _meant(robot: "Robot", key: Key, values: Mapping[str, Any]) -> Any:
-    """Return what the value of a key means for a robot, as the harm's field has it."""
-    value = values[key.name]
-    if value is None:
-        return None
-    match key.kind:
-        case KeyKind.JOINT | KeyKind.STATION:
-            return robot.axis_index(value)
-        case KeyKind.INPUT:
-            from steptwin.host.operate.inputs_outputs import wired_input
-
-            return wired_input(robot, value)
-        case KeyKind.SWITCH:
-            return _switch_of(robot, values["joint"], value)
-        case KeyKind.FRAMES:
-            return _ids_of(robot, values["joint"], value)
-    return key.choices[value] if key.choices else key.to_field(value)
-
-
-# --- reading
-
-
-def read_request(robot: "Robot", request: Mapping[str, Any]) -> Harm | None:
-    """Return the harm that a request asks for; None if it only asks how the machine is.
+def read_request(robot: "Robot", request: Mapping[str, Any]) -> Fault | None:
+    """Return the fault that a request asks for; None if it only asks how the machine is.
 
     Raises:
         InputError: the request does not exist, has other keys or a value out of its range, or names something that the
             robot does not have.
     """
-    harm, _ = read_harm(robot, Table(request, "JSON object"), {})
-    return harm
+    fault, _ = read_fault(robot, Table(request, "JSON object"), {})
+    return fault
 
 
-def read_harm(robot: "Robot", table: Table, beside: Mapping[str, Reading]) -> tuple[Harm | None, dict[str, Any]]:
-    """Return the harm that a table asks for, and the values of keys that it may have beside those of the harm.
+def read_fault(robot: "Robot", table: Table, beside: Mapping[str, Reading]) -> tuple[Fault | None, dict[str, Any]]:
+    """Return the fault that a table asks for, and the values of keys that it may have beside those of the fault.
 
     Raises as `read_request`.
     """
@@ -302,22 +311,33 @@ def read_harm(robot: "Robot", table: Table, beside: Mapping[str, Reading]) -> tu
     do = table.text("do")
     if do not in REQUESTS:
         raise unknown("do", do, REQUESTS)
-    keys, harm = keys_of(do), REQUESTS[do]
+    keys, fault = keys_of(do), REQUESTS[do]
     required = {name: partial(_read_value, key) for name, key in keys.items() if not key.optional}
     optional = {name: partial(_read_value, key) for name, key in keys.items() if key.optional}
     values = table.read({"do": Table.text, **required}, {**optional, **beside})
-    made = None if harm is None else _made(robot, harm, {name: values[name] for name in keys})
+    made = None if fault is None else _made(robot, fault, {name: values[name] for name in keys})
     return made, {key: values[key] for key in beside}
 
 
-def _made(robot: "Robot", harm: type[Harm], values: Mapping[str, Any]) -> Harm:
-    """Return a harm with these values of its keys, None for one that is missing."""
-    meant = {name: _meant(robot, key, values) for name, key in harm.keys().items()}
-    given = {
-        name: each for name, each in harm.by_field().items() if any(values[key.name] is not None for key in each.keys)
-    }
+def _made(robot: "Robot", fault: type[Fault], values: Mapping[str, Any]) -> Fault:
+    """Return a fault with these values of its keys, None for one that is missing."""
+
+    def meant(key: Key) -> Any:
+        value = values[key.name]
+        if value is None:
+            return None
+        if (find := kind_of(key).meant) is not None:
+            return find(robot, value, values)
+        return key.choices[value] if key.choices else key.to_field(value)
+
     try:
-        return harm(**{name: each.join(*(meant[key.name] for key in each.keys)) for name, each in given.items()})
+        return fault(
+            **{
+                name: keys.join(*map(meant, keys.keys))
+                for name, keys in fault.by_field().items()
+                if any(values[key.name] is not None for key in keys.keys)
+            }
+        )
     except ValueError as error:
         raise InputError(str(error)) from error
 
@@ -325,46 +345,33 @@ def _made(robot: "Robot", harm: type[Harm], values: Mapping[str, Any]) -> Harm:
 # --- writing
 
 
-def request_of(robot: "Robot", harm: Harm) -> dict[str, Any]:
-    """Return the request that asks for a harm; `read_request` returns the harm for it."""
-    usual = {each.name: each.default for each in fields(harm) if each.default is not MISSING}
+def request_of(robot: "Robot", fault: Fault) -> dict[str, Any]:
+    """Return the request that asks for a fault; `read_request` returns the fault for it."""
+    usual = {each.name: each.default for each in fields(fault) if each.default is not MISSING}
     values: dict[str, Any] = {}
-    for name, each in harm.by_field().items():
-        value = getattr(harm, name)
-        for key, part in zip(each.keys, each.split(value), strict=True):
+    for name, keys in fault.by_field().items():
+        value = getattr(fault, name)
+        for key, part in zip(keys.keys, keys.split(value), strict=True):
             if not key.optional or key.told or value != usual.get(name):
-                values |= _told(robot, harm, key, part)
-    if KeyKind.INPUT in {key.kind for key in harm.keys().values()} and values["input"] is None:
-        return {"do": type(harm).__name__, **asdict(cast("Any", harm))}  # the robot's file does not know the sensor
-    order = ["do", *harm.keys()]
-    told = {"do": harm.do} | {key: value for key, value in values.items() if value is not None}
-    return {key: told[key] for key in order if key in told}
+                values |= _told(robot, fault, key, part)
+    keys_of_all = fault.keys()
+    if any(key.kind is KeyKind.INPUT and values[name] is None for name, key in keys_of_all.items()):
+        return {"do": type(fault).__name__, **asdict(fault)}  # the robot's file does not know the sensor
+    return {"do": fault.do} | {key: values[key] for key in keys_of_all if values.get(key) is not None}
 
 
-def _told(robot: "Robot", harm: Harm, key: Key, value: Any) -> dict[str, Any]:
-    """Return the values of a key, and of those that go with it, as a request has them; None for one left out."""
-    told = value
-    match key.kind:
-        case KeyKind.JOINT | KeyKind.STATION:
-            if value is None:
-                return {}
-            told = robot.axis_names[value]
-        case KeyKind.SWITCH:
-            told = next(name for name, bit in SWITCHES.items() if bit == value)
-        case KeyKind.INPUT:
-            from steptwin.host.operate.inputs_outputs import wired_inputs
-
-            wired = {place: name for name, place in wired_inputs(robot).items()}
-            told = wired.get((cast("SetInput", harm).axis, value))
-        case KeyKind.FRAMES:
-            ids = tuple(sorted(set(value)))
-            told, axis = name_of(robot, ids) or (list(ids), None)
-            return {key.name: told, "joint": None if axis is None else robot.axis_names[axis]}
-        case KeyKind.BYTES:
-            told = value.hex(" ")
-        case KeyKind.WORD:
-            told = next(word for word, each in key.choices.items() if each == value)
-    return {key.name: key.of_field(told)}
+def _told(robot: "Robot", fault: Fault, key: Key, value: Any) -> dict[str, Any]:
+    """Return the values of a key, and of those that go with it, as a request has them."""
+    if key.kind is KeyKind.WORD:
+        return {key.name: next(word for word, each in key.choices.items() if each == value)}
+    if value is None:
+        return {}
+    if key.kind is KeyKind.FRAMES:
+        ids = tuple(sorted(set(value)))
+        name, axis = name_of(robot, ids) or (list(ids), None)
+        return {key.name: name} | ({} if axis is None else {"joint": robot.axis_names[axis]})
+    told = kind_of(key).told
+    return {key.name: key.of_field(value) if told is None else told(robot, value, fault)}
 
 
 # --- the words of a command
@@ -389,7 +396,7 @@ def request_of_words(words: Sequence[str]) -> tuple[str, dict[str, object]]:
     values = {}
     for name, word in given.items():
         with prefixed(f"{name}: "):
-            values[name] = _KINDS[keys[name].kind].of_word(word)
+            values[name] = kind_of(keys[name]).of_word(word)
     return do, {name: value for name, value in values.items() if value is not None}
 
 
@@ -417,6 +424,25 @@ def _other_usage(do: str, words: Sequence[str]) -> InputError:
 
 
 def end_of(do: str, values: Mapping[str, object]) -> str | None:
-    """Return what ends the harm of a request, in words; None if it is over at once, or itself the end of one."""
-    harm = REQUESTS[do]
-    return None if harm is None else harm.ends_by(values)
+    """Return what ends the fault of a request, in words; None if it is over at once, or itself the end of one."""
+    fault = REQUESTS[do]
+    return None if fault is None else fault.ends_by(values)
+
+
+# --- the control port
+
+names: Final = tuple(FAULTS)
+"""The values of `do`: this module is the feature's `ControlRequests`."""
+
+
+def answer(board: "LiveBoard", request: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Do what is requested; the machine's state tells the rest."""
+    fault = read_request(board.robot, request)
+    if fault is not None:
+        board.operate(fault)
+    return {}
+
+
+def written(robot: "Robot", operation: "Operation") -> Mapping[str, Any] | None:
+    """Return the request that asks for a fault; None for another operation."""
+    return request_of(robot, operation) if isinstance(operation, Fault) else None

@@ -5,105 +5,25 @@ Positions are those that the drivers have counted, looked at on servo ticks. A t
 instant when it is due, and looks no more often than it must.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from random import Random
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.features.faults.requests import read_identifier
+from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.tables import Table, integer_from, number_from
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.cia402 import State
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
-
-class Direction(StrEnum):
-    """A joint's direction where it passes a position."""
-
-    UP = "up"
-    DOWN = "down"
-    ANY = "any"
-
-
-@dataclass(frozen=True, slots=True)
-class AtTime:
-    """An instant, in seconds from the motion's start, or from power-up."""
-
-    at_s: float
-    from_power_up: bool = False
-
-    def __str__(self) -> str:
-        return f"at {self.at_s:g} s from power-up" if self.from_power_up else f"at {self.at_s:g} s"
-
-
-@dataclass(frozen=True, slots=True)
-class AtRandom:
-    """An instant of the motion between two times in seconds from its start, drawn evenly by the scenario's seed.
-
-    Raises:
-        ValueError: the second time is before the first.
-    """
-
-    from_s: float
-    to_s: float
-
-    def __post_init__(self) -> None:
-        if not self.from_s <= self.to_s:
-            raise ValueError(f"to_s: {self.to_s:g} s is before from_s, {self.from_s:g} s")
-
-    def drawn(self, random: Random) -> AtTime:
-        """Return the instant that is drawn, to a microsecond."""
-        return AtTime(round(random.uniform(self.from_s, self.to_s), 6))
-
-    def __str__(self) -> str:
-        return f"at random from {self.from_s:g} s to {self.to_s:g} s"
-
-
-@dataclass(frozen=True, slots=True)
-class AtPosition:
-    """The first servo tick at whose start a joint is at or beyond a position, having been before it.
-
-    Attributes:
-        joint: name of the joint.
-        value: the position, in mm or degrees.
-        direction: the joint's direction where it passes it.
-    """
-
-    joint: str
-    value: float
-    direction: Direction = Direction.ANY
-
-    def __str__(self) -> str:
-        return f"{self.joint} {_PASSING[self.direction]} {self.value:g}"
-
-
-_PASSING = {Direction.UP: "rises to", Direction.DOWN: "falls to", Direction.ANY: "passes"}
-
-
-@dataclass(frozen=True, slots=True)
-class OnFrame:
-    """The instant when the n-th frame of an identifier since power-up becomes valid on the bus."""
-
-    cob_id: int
-    n: int = 1
-
-    def __str__(self) -> str:
-        return f"on frame {self.n} of 0x{self.cob_id:03X}"
-
-
-@dataclass(frozen=True, slots=True)
-class AtState:
-    """The instant when the drive of a joint is found in a state."""
-
-    joint: str
-    state: State
-
-    def __str__(self) -> str:
-        return f"{self.joint} in {self.state.name.replace('_', ' ')}"
-
-
-Trigger = AtTime | AtRandom | AtPosition | OnFrame | AtState
+if TYPE_CHECKING:
+    from steptwin.features.faults.engine import Engine
 
 
 class Watch:
@@ -127,6 +47,66 @@ class Watch:
     def missing(self) -> str:
         """Return why the trigger has not been due; empty if it has not come."""
         return ""
+
+
+class Trigger:
+    """What starts or ends a fault, as data."""
+
+    __slots__ = ()
+
+    def drawn(self, _random: Random) -> "Trigger":
+        """Return the same with what is random in it drawn."""
+        return self
+
+    def watch(self, engine: "Engine") -> Watch:
+        """Return what waits for it on the machine of an engine from now on."""
+        raise NotImplementedError
+
+
+# --- a time
+
+
+@dataclass(frozen=True, slots=True)
+class AtTime(Trigger):
+    """An instant, in seconds from the motion's start, or from power-up."""
+
+    at_s: float
+    from_power_up: bool = False
+
+    def __str__(self) -> str:
+        return f"at {self.at_s:g} s from power-up" if self.from_power_up else f"at {self.at_s:g} s"
+
+    def watch(self, engine: "Engine") -> "TimeWatch":
+        watch = TimeWatch(counts_of(self.at_s) if self.from_power_up else None, self.at_s)
+        if engine.start_counts is not None:
+            watch.motion_starts(engine.start_counts)
+        return watch
+
+
+@dataclass(frozen=True, slots=True)
+class AtRandom(Trigger):
+    """An instant of the motion between two times in seconds from its start, drawn evenly by the scenario's seed.
+
+    Raises:
+        ValueError: the second time is before the first.
+    """
+
+    from_s: float
+    to_s: float
+
+    def __post_init__(self) -> None:
+        if not self.from_s <= self.to_s:
+            raise ValueError(f"to_s: {self.to_s:g} s is before from_s, {self.from_s:g} s")
+
+    def drawn(self, random: Random) -> AtTime:
+        """Return the instant that is drawn, to a microsecond."""
+        return AtTime(round(random.uniform(self.from_s, self.to_s), 6))
+
+    def watch(self, _engine: "Engine") -> Watch:
+        raise ValueError(f"{self}: is not drawn")
+
+    def __str__(self) -> str:
+        return f"at random from {self.from_s:g} s to {self.to_s:g} s"
 
 
 class TimeWatch(Watch):
@@ -154,6 +134,43 @@ class TimeWatch(Watch):
     def missing(self) -> str:
         """Return that no motion began, or an empty text."""
         return "no motion began" if self._at_counts is None else ""
+
+
+# --- a position
+
+
+class Direction(StrEnum):
+    """A joint's direction where it passes a position."""
+
+    UP = "up"
+    DOWN = "down"
+    ANY = "any"
+
+
+@dataclass(frozen=True, slots=True)
+class AtPosition(Trigger):
+    """The first servo tick at whose start a joint is at or beyond a position, having been before it.
+
+    Attributes:
+        joint: name of the joint.
+        value: the position, in mm or degrees.
+        direction: the joint's direction where it passes it.
+    """
+
+    joint: str
+    value: float
+    direction: Direction = Direction.ANY
+
+    def __str__(self) -> str:
+        return f"{self.joint} {_PASSING[self.direction]} {self.value:g}"
+
+    def watch(self, engine: "Engine") -> "PositionWatch":
+        target = engine.target
+        period_min_counts = min(board.config.period_min_counts for board, _ in target.axes)
+        return PositionWatch(self, target.robot, target.steps, lambda: target.moving, period_min_counts)
+
+
+_PASSING = {Direction.UP: "rises to", Direction.DOWN: "falls to", Direction.ANY: "passes"}
 
 
 class PositionWatch(Watch):
@@ -221,6 +238,23 @@ class PositionWatch(Watch):
         return f"{self._trigger.joint} was seen from {low:.3f} to {high:.3f}"
 
 
+# --- a frame, a state
+
+
+@dataclass(frozen=True, slots=True)
+class OnFrame(Trigger):
+    """The instant when the n-th frame of an identifier since power-up becomes valid on the bus."""
+
+    cob_id: int
+    n: int = 1
+
+    def __str__(self) -> str:
+        return f"on frame {self.n} of 0x{self.cob_id:03X}"
+
+    def watch(self, _engine: "Engine") -> "FrameWatch":
+        return FrameWatch(self)
+
+
 class FrameWatch(Watch):
     """Due with the n-th frame of an identifier."""
 
@@ -239,6 +273,21 @@ class FrameWatch(Watch):
     def missing(self) -> str:
         """Return in words how many of the frames there were."""
         return f"there were {self._heard} such frames"
+
+
+@dataclass(frozen=True, slots=True)
+class AtState(Trigger):
+    """The instant when the drive of a joint is found in a state."""
+
+    joint: str
+    state: State
+
+    def __str__(self) -> str:
+        return f"{self.joint} in {self.state.name.replace('_', ' ')}"
+
+    def watch(self, engine: "Engine") -> "StateWatch":
+        board, axis = engine.target.axes[engine.target.robot.axis_index(self.joint)]
+        return StateWatch(self.state, lambda: board.firmware.nodes[axis].drive.state)
 
 
 class StateWatch(Watch):
@@ -268,3 +317,62 @@ def counts_of(seconds: float) -> int:
 def earliest(watches: Iterable[Watch]) -> int | None:
     """Return the first instant when one of these must look; None if there is none."""
     return min((counts for watch in watches if (counts := watch.next_counts) is not None), default=None)
+
+
+# --- reading
+
+TIME_MAX_S: Final = 86_400.0
+"""Longest time in a scenario: a day."""
+read_time_s: Final = number_from(0, TIME_MAX_S, "s")
+
+
+def _at_random(_robot: Robot, table: Table, key: str) -> Trigger:
+    with table.section(key) as section:
+        times = section.read({"from_s": read_time_s, "to_s": read_time_s})
+        try:
+            return AtRandom(**times)
+        except ValueError as error:
+            raise InputError(str(error)) from error
+
+
+def _at_position(robot: Robot, table: Table, key: str) -> Trigger:
+    with table.section(key) as section:
+        values = section.read(
+            {"joint": Table.text, "value": Table.number},
+            {"direction": lambda table, key: table.choice(key, Direction)},
+        )
+        robot.index_of(values["joint"])
+    return AtPosition(values["joint"], values["value"], values["direction"] or Direction.ANY)
+
+
+def _on_frame(_robot: Robot, table: Table, key: str) -> Trigger:
+    with table.section(key) as section:
+        values = section.read({"id": read_identifier}, {"n": integer_from(1)})
+    return OnFrame(values["id"], values["n"] or 1)
+
+
+def _at_state(robot: Robot, table: Table, key: str) -> Trigger:
+    with table.section(key) as section:
+        values = section.read({"joint": Table.text, "state": read_state})
+        robot.axis_index(values["joint"])
+    return AtState(values["joint"], values["state"])
+
+
+def read_state(table: Table, key: str) -> State:
+    """Read the state of a drive; a reading of `Table`."""
+    name = table.text(key)
+    states = {state.name.replace("_", " "): state for state in State}
+    if name not in states:
+        raise unknown(key, name, states)
+    return states[name]
+
+
+TRIGGERS: Final[Mapping[str, Callable[[Robot, Table, str], Trigger]]] = {
+    "at_s": lambda _robot, table, key: AtTime(read_time_s(table, key)),
+    "power_up_s": lambda _robot, table, key: AtTime(read_time_s(table, key), from_power_up=True),
+    "at_position": _at_position,
+    "on_frame": _on_frame,
+    "at_state": _at_state,
+    "at_random": _at_random,
+}
+"""The keys of triggers, and what reads each."""

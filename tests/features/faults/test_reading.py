@@ -4,10 +4,10 @@ import pytest
 
 from steptwin.features.faults.kinds.bus import FrameLoss
 from steptwin.features.faults.kinds.host import HostFault, HostFaultKind
-from steptwin.features.faults.kinds.limit_switches import StuckSwitch
 from steptwin.features.faults.kinds.machine import EmergencyStop
+from steptwin.features.faults.kinds.wiring import StuckSwitch
 from steptwin.features.faults.reaction import Motion, Reaction
-from steptwin.features.faults.scenario import Fault, Scenario, parse_scenario, read_scenario
+from steptwin.features.faults.scenario import Scenario, TriggeredFault, parse_scenario, read_scenario
 from steptwin.features.faults.triggers import AtPosition, AtRandom, AtState, AtTime, Direction, OnFrame
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
@@ -64,26 +64,28 @@ def test_every_key() -> None:
     assert read == Scenario(
         "all",
         (
-            Fault(
+            TriggeredFault(
                 "first",
                 AtPosition("th2", 3.0, Direction.ANY),
                 StuckSwitch(0, DigitalInput.NEGATIVE_LIMIT, closed=False),
                 AtState("th1", State.QUICK_STOP_ACTIVE),
             ),
-            Fault(
+            TriggeredFault(
                 "2 loss",
                 AtRandom(1.0, 2.5),
                 FrameLoss((0x80, 0x77F), rate=0.5, skip=1, count=3, receiver=1),
                 0.25,
             ),
-            Fault(
+            TriggeredFault(
                 "3 host",
                 OnFrame(0x80),
                 HostFault(HostFaultKind.RESTART, 2.0),
                 None,
                 Reaction(Motion.CUT, (ErrorCode.ESTOP,), State.FAULT, 2.0, certain=False),
             ),
-            Fault("4 estop", AtTime(0.5, from_power_up=True), EmergencyStop(pressed=False), AtRandom(1.0, 2.0)),
+            TriggeredFault(
+                "4 estop", AtTime(0.5, from_power_up=True), EmergencyStop(pressed=False), AtRandom(1.0, 2.0)
+            ),
         ),
         seed=5,
     )
@@ -132,7 +134,7 @@ def test_mistakes(text: str, complaint: str) -> None:
         ),
         (
             'at_s = 1; do = "state"',
-            "do: 'state' harms nothing",
+            "do: 'state' is no fault: it changes nothing",
         ),
         (
             "STOP",
@@ -269,4 +271,4 @@ def test_the_example_of_the_page_and_a_file_that_is_not_there() -> None:
     with refusing(InputError):
         read_scenario("none.toml", ROBOT)
     with refusing(ValueError):
-        Scenario("s", (Fault("x", AtTime(1), EmergencyStop(pressed=True)),) * 2)
+        Scenario("s", (TriggeredFault("x", AtTime(1), EmergencyStop(pressed=True)),) * 2)
