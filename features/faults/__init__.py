@@ -78,6 +78,7 @@ FEATURE: Final = Feature(
             COMMAND_GROUPS[2],
             "Inject faults into a served board: its inputs, supply, switches, wires, drivers, motors, logic and bus.",
             "steptwin.features.faults.inject",
+            usual=False,
         ),
     ),
 )

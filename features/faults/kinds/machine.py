@@ -207,7 +207,8 @@ PAYLOAD_MAX_KG: Final = 100.0
 
 @dataclass(frozen=True, slots=True)
 class Payload(MachineFault):
-    """The payload has another mass; only with motors that turn with the board (`run --motors=loop`, `serve --motors`).
+    """The payload has another mass; only with motors that turn with the board (`run --motors=loop`,
+    `serve --machine motors`).
 
     It has it from the next ms on, and hangs at the tool when the one before it would.
     """
@@ -233,7 +234,7 @@ class Payload(MachineFault):
         if not turning:
             raise InputError(
                 f"payload_kg: {self.payload_kg:g} kg: only motors that turn with the board feel it:"
-                " run --motors=loop, serve --motors, or MotorOptions in a test"
+                " run --motors=loop, serve --machine motors, or MotorOptions in a test"
             )
 
     def apply(self, simulation: "Simulation", _number: int) -> None:
