@@ -48,23 +48,19 @@ class FaultsPart(MachinePart):
         self._engine = Engine(self.scenario, machine, self.host)
 
     def check_live(self) -> None:
-        """Raise InputError if a fault concerns the host."""
         if self.scenario.of_host:
             raise InputError(f"{self.scenario.name}: {NO_HOST}")
 
     def network(self) -> FaultyNetwork | None:
-        """Return the network of a host that faults concern."""
         if not self.scenario.of_host:
             return None
         target = self.engine.target
         return FaultyNetwork(target.simulation, self.host, lambda: target.interpolating)
 
     def outlive(self, board: EmbeddedBoard, error: BusError) -> RunFault:
-        """Let the machine go on without its host."""
         return without_host(error, board, self.engine, self.host)
 
     def document(self) -> Mapping[str, Any]:
-        """Return what has become of each fault so far."""
         return played_document(self.engine)
 
     def in_words(self) -> str:
@@ -77,7 +73,6 @@ class FaultsPart(MachinePart):
         return "\n".join(lines)
 
     def verdict(self, end: RunEnd) -> ScenarioReport:
-        """Return whether each fault was answered as documented."""
         return scenario_report(self.engine, end)
 
 

@@ -19,6 +19,7 @@ from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Table, integer_from, number_from
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.machine.robot_boards import RobotBoards
 from steptwin.protocol.cia402 import State
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -119,20 +120,16 @@ class TimeWatch(Watch):
 
     @property
     def next_counts(self) -> int | None:
-        """The instant, once it is known."""
         return self._at_counts
 
     def is_due(self, now_counts: int) -> bool:
-        """Return whether it has come."""
         return self._at_counts is not None and self._at_counts <= now_counts
 
     def motion_starts(self, start_counts: int) -> None:
-        """Count from here, unless the instant is known."""
         if self._at_counts is None:
             self._at_counts = start_counts + counts_of(self._from_start_s)
 
     def missing(self) -> str:
-        """Return that no motion began, or an empty text."""
         return "no motion began" if self._at_counts is None else ""
 
 
@@ -165,9 +162,7 @@ class AtPosition(Trigger):
         return f"{self.joint} {_PASSING[self.direction]} {self.value:g}"
 
     def watch(self, engine: "Engine") -> "PositionWatch":
-        target = engine.target
-        period_min_counts = min(board.config.period_min_counts for board, _ in target.axes)
-        return PositionWatch(self, target.robot, target.steps, lambda: target.moving, period_min_counts)
+        return PositionWatch(self, engine.target)
 
 
 _PASSING = {Direction.UP: "rises to", Direction.DOWN: "falls to", Direction.ANY: "passes"}
@@ -176,50 +171,32 @@ _PASSING = {Direction.UP: "rises to", Direction.DOWN: "falls to", Direction.ANY:
 class PositionWatch(Watch):
     """Due at the first tick at whose start a joint is at or beyond a position.
 
-    No driver counts pulses faster than one each `period_min_counts`, and none moves the motor by more than a full step,
+    No driver counts pulses faster than its shortest period, and none moves the motor by more than a full step,
     so a joint that is far away cannot be there soon.
     """
 
-    def __init__(
-        self,
-        trigger: AtPosition,
-        robot: Robot,
-        steps: Callable[[], list[float]],
-        moving: Callable[[], bool],
-        period_min_counts: int,
-    ) -> None:
-        """Watch a joint of a robot.
-
-        Args:
-            trigger: what to wait for.
-            robot: the machine.
-            steps: returns where the motors are, in steps of the robot's file from their axes' zeros.
-            moving: returns whether any motor moves.
-            period_min_counts: shortest time between two pulses that a driver counts.
-        """
+    def __init__(self, trigger: AtPosition, target: RobotBoards) -> None:
         self._trigger = trigger
-        self._moving = moving
-        self._robot = robot
+        self._target = target
+        robot = target.robot
         self._joint = robot.index_of(trigger.joint)
-        self._steps = steps
         full_steps = np.diag([float(joint.transmission.microsteps) for joint in robot.axes])
-        ways = robot.from_steps(full_steps)[:, self._joint] - robot.from_steps(0 * full_steps)[:, self._joint]
-        self._per_tick = float(np.abs(ways).sum()) * TICK_COUNTS / period_min_counts
+        travel = robot.from_steps(full_steps)[:, self._joint] - robot.from_steps(0 * full_steps)[:, self._joint]
+        period_min_counts = min(board.config.period_min_counts for board, _ in target.axes)
+        self._per_tick = float(np.abs(travel).sum()) * TICK_COUNTS / period_min_counts
         """How far the joint moves in a tick at most."""
         self._was = self._position()
         self._seen = [self._was, self._was]
         self._look_counts = 0
 
     def _position(self) -> float:
-        return float(self._robot.from_steps(np.array(self._steps()))[self._joint])
+        return float(self._target.robot.from_steps(np.array(self._target.steps()))[self._joint])
 
     @property
     def next_counts(self) -> int | None:
-        """The first tick when the joint may be there; None while nothing moves."""
-        return self._look_counts if self._moving() else None
+        return self._look_counts if self._target.moving else None
 
     def is_due(self, now_counts: int) -> bool:
-        """Look at the joint, if it may be there."""
         if now_counts < self._look_counts:
             return False
         position, value = self._position(), self._trigger.value
@@ -233,7 +210,6 @@ class PositionWatch(Watch):
         return rises or falls
 
     def missing(self) -> str:
-        """Return in words from where to where the joint was seen instead."""
         low, high = self._seen
         return f"{self._trigger.joint} was seen from {low:.3f} to {high:.3f}"
 
@@ -263,15 +239,12 @@ class FrameWatch(Watch):
         self._heard = 0
 
     def hear(self, cob_id: int) -> None:
-        """Count a frame with the trigger's identifier."""
         self._heard += cob_id == self._trigger.cob_id
 
     def is_due(self, _now_counts: int) -> bool:
-        """Return whether there were enough."""
         return self._heard >= self._trigger.n
 
     def missing(self) -> str:
-        """Return in words how many of the frames there were."""
         return f"there were {self._heard} such frames"
 
 
@@ -299,13 +272,11 @@ class StateWatch(Watch):
         self._seen: dict[State, None] = {}
 
     def is_due(self, _now_counts: int) -> bool:
-        """Look at the drive."""
         present = self._present()
         self._seen[present] = None
         return present is self._state
 
     def missing(self) -> str:
-        """Return in words which states the drive was in instead."""
         return f"it was in {', '.join(state.name.replace('_', ' ') for state in self._seen)}"
 
 
