@@ -104,7 +104,7 @@ class Engine:
         ]
         self._waiting = list(self.played)
         self._lasting: dict[tuple[object, ...], _Changed] = {}
-        """What faults have changed that may end, by its place."""
+        """What faults have changed that may end, by `MachineFault.changes`."""
         self._by_fault = {id(each.fault): each for each in self.played}
         target.simulation.bus.filters.reseed(scenario.seed)
         target.simulation.bus.filters.on_strike = self._note_strike
@@ -188,18 +188,18 @@ class Engine:
         """Operate the machine by a fault, so that `restore` can undo it."""
         undo = fault.undo(self.target.environment)
         if isinstance(undo, MachineFault):
-            self._lasting.setdefault(_place_of(fault), _Changed(undo)).by.append(fault)
+            self._lasting.setdefault(fault.changes, _Changed(undo)).by.append(fault)
         self.target.operate(fault)
 
     def restore(self, fault: MachineFault) -> None:
         """Undo an operation, unless a later one has replaced it; one that it has replaced and that lasts comes back."""
-        changed = self._lasting.get(_place_of(fault))
+        changed = self._lasting.get(fault.changes)
         if changed is None or all(each is not fault for each in changed.by):
             return
         was_last = changed.by[-1] is fault
         changed.by = [each for each in changed.by if each is not fault]
         if not changed.by:
-            del self._lasting[_place_of(fault)]
+            del self._lasting[fault.changes]
         if was_last:
             self.target.operate(changed.by[-1] if changed.by else changed.undo)
 
@@ -218,8 +218,3 @@ class Engine:
             if each.began is not None and each.ended_counts is None:
                 each.fault.end(self)
         self._waiting = []
-
-
-def _place_of(fault: MachineFault) -> tuple[object, ...]:
-    """Return what a fault changes: those of one place replace each other, as two voltages of one supply."""
-    return (type(fault), *(getattr(fault, name, None) for name in ("axis", "input", "switch", "wire", "frame")))

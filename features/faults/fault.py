@@ -136,6 +136,9 @@ class Fault(operations.Operation):
     """What else than its time ends it, in words, with the names of keys for their values; empty: the state shows it."""
     ended_by: ClassVar[Mapping[str, Any]] = {}
     """Values of keys, None for one left out, with which the same request is the end of such a fault."""
+    place_fields: ClassVar[Sequence[str]] = ("axis",)
+    """Fields, where it has them, that say what it changes: the later of two faults of one place replaces the earlier.
+    """
     takes_down: ClassVar[bool] = False
     """True if it takes boards down, at once: their drivers are not asked before for pulses that it still cuts off."""
 
@@ -233,6 +236,11 @@ def _outside(key: Key) -> str:
 @dataclass(frozen=True, slots=True)
 class MachineFault(Fault):
     """A fault of the boards of a simulation, or of their bus, that is over as soon as it is done."""
+
+    @property
+    def changes(self) -> tuple[object, ...]:
+        """What it changes, such as the supply, or a wire of an axis."""
+        return (type(self), *(getattr(self, name, None) for name in self.place_fields))
 
     def begin(self, engine: "Engine", *, ends: bool) -> None:  # noqa: ARG002
         """Operate the machine."""

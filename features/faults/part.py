@@ -7,7 +7,6 @@ from steptwin.features.faults import NAME
 from steptwin.features.faults.engine import Engine
 from steptwin.features.faults.judge import played_document, scenario_report
 from steptwin.features.faults.kinds.host import NO_HOST, HostCondition
-from steptwin.features.faults.kinds.wiring import OscCapacitor
 from steptwin.features.faults.lost_host import FaultyNetwork, replace_host, without_host
 from steptwin.features.faults.report import ScenarioReport
 from steptwin.features.faults.scenario import Scenario
@@ -85,10 +84,6 @@ def part_of(board: EmbeddedBoard) -> FaultsPart | None:
 def repair(board: EmbeddedBoard) -> None:
     """End every fault of the scenario that lasts, and let none begin any more; a host that has died is replaced."""
     part = part_of(board)
-    if part is None:
-        return
-    part.engine.repair()
-    if (oscillator := board.driver_profile.chip.oscillator) is not None:
-        for axis in range(len(board.robot.axes)):
-            board.operate(OscCapacitor(axis, oscillator.osc_pf))
-    replace_host(board, part.host)
+    if part is not None:
+        part.engine.repair()
+        replace_host(board, part.host)

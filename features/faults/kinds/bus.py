@@ -137,6 +137,7 @@ class Babble(MachineFault):
 
     do = "babble"
     once = True
+    place_fields = ("frame",)
     reactions = _ROGUE_FRAMES
 
     frame: FrameOfKeys

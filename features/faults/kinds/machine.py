@@ -146,6 +146,7 @@ class SetInput(AxisFault, operations.InputOperation):
     """
 
     do = "input"
+    place_fields = ("axis", "input")
     reactions = (Documented("sensor on or off", GOES_ON, "programs wait for it"),)
 
     axis: Annotated[int, Keys((_INPUT,), join=lambda wired: wired[0])]

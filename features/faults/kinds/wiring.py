@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from steptwin.emulator.board.board import Board
     from steptwin.emulator.board.environment import BoardEnvironment
     from steptwin.emulator.simulation import Simulation
+    from steptwin.features.faults.engine import Engine
     from steptwin.features.faults.moment import Moment
     from steptwin.host.client.control_client import ControlState, Protect, SwitchState
 
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, slots=True)
 class SwitchFault(AxisFault):
     """A fault of a limit or home switch."""
+
+    place_fields = ("axis", "switch")
 
     switch: Annotated[DigitalInput, Key(kind=KeyKind.SWITCH)]
 
@@ -309,6 +312,12 @@ class OscCapacitor(AxisFault):
         board.drain()
         board.drivers.change_capacitor(self.axis, self.osc_pf)
 
+    def end(self, engine: "Engine") -> None:
+        """Fit the usual capacitor again, as the repair of a machine does."""
+        board, axis = engine.target.axes[self.axis]
+        if (usual := board.drivers.drivers[axis].module.chip.oscillator) is not None:
+            engine.target.operate(OscCapacitor(self.axis, usual.osc_pf))
+
 
 def _tripped_and_told(fault: "ShortCircuit", moment: "Moment") -> bool:
     """Return whether a short circuit makes current flow, and the board learns of it."""
@@ -400,6 +409,7 @@ class SetWire(AxisFault):
     """
 
     do = "wire"
+    place_fields = ("axis", "wire")
     ended_by: ClassVar = {"condition": WireState.WHOLE}
     reactions = (
         Documented(
