@@ -15,7 +15,7 @@ from docs.generate.paper_pages import PAPERS
 from steptwin.features.faults.judge import longest_ramp_ms
 from steptwin.features.faults.kinds import DOCUMENTED
 from steptwin.features.faults.reaction import Motion, Reaction
-from steptwin.features.faults.requests import INJECTED, REQUESTS, keys_of, says, sentence, usage
+from steptwin.features.faults.requests import INJECTED, REQUESTS, description, keys_of, sentence, usage
 from steptwin.host.common.choices import STATE
 from steptwin.host.common.features import giving
 from steptwin.host.robots import load_robot
@@ -102,7 +102,8 @@ def _keys() -> str:
     rows = []
     for do in REQUESTS:
         keys = [
-            "; ".join(f"`{key.name}`: {says(key)}" for key in keys_of(do).values() if key.optional == optional) or "-"
+            "; ".join(f"`{key.name}`: {description(key)}" for key in keys_of(do).values() if key.optional == optional)
+            or "-"
             for optional in (False, True)
         ]
         rows.append([f"`{do}`", *keys])

@@ -8,6 +8,7 @@ Scenarios, the control port, `steptwin inject`, campaigns, reports, the judgemen
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, replace
 from enum import Enum, auto
+from functools import cache
 from inspect import cleandoc
 from math import inf
 from types import NoneType
@@ -59,7 +60,7 @@ class Key:
         parts: parts of that unit in which the field counts; None: the field has the number itself.
         choices: the only values, and what each is in the field; by default those of the field's enumeration.
         optional: whether requests may go without it; True for a field with a default.
-        told: whether it is written even if the field has its default.
+        written: whether it is written even if the field has its default.
     """
 
     name: str = ""
@@ -71,7 +72,7 @@ class Key:
     parts: int | None = None
     choices: Mapping[Any, Any] = field(default_factory=dict)
     optional: bool = False
-    told: bool = False
+    written: bool = False
 
     def to_field(self, value: Any) -> Any:
         """Return a value of a request as the field has it."""
@@ -112,10 +113,13 @@ class Keys:
     split: Callable[[Any], tuple[Any, ...]] = lambda value: (value,)
 
 
-def _keys_of(owner: Field[Any]) -> Keys:
-    """Return the keys of a field, as `Annotated` says; by default one key with the field's name."""
-    given = getattr(owner.type, "__metadata__", (Key(),))[0]
-    return given if isinstance(given, Keys) else Keys((given.of(owner),))
+@cache
+def _by_field(fault: type["Fault"]) -> dict[str, Keys]:
+    keys = {}
+    for each in fields(fault):
+        given = getattr(each.type, "__metadata__", (Key(),))[0]  # of Annotated; else one key with the field's name
+        keys[each.name] = given if isinstance(given, Keys) else Keys((given.of(each),))
+    return keys
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,18 +133,17 @@ class Fault(operations.Operation):
     do: ClassVar[str]
     """Its name in requests."""
     reactions: ClassVar[Sequence[Documented]]
-    """What the machine does, as documented: of these rows the first whose condition holds when the fault begins."""
+    """The documented reactions: the first row is right whose condition holds when the fault begins."""
     over: ClassVar[str] = "it is over at once"
     """Why nothing ends it, if it has no `undo`."""
     ends: ClassVar[str] = ""
-    """What else than its time ends it, in words, with the names of keys for their values; empty: the state shows it."""
+    """What ends it, with `{key}` for the value of a key; empty if the state of the machine shows it."""
     ended_by: ClassVar[Mapping[str, Any]] = {}
-    """Values of keys, None for one left out, with which the same request is the end of such a fault."""
+    """Values of keys with which the same request ends the fault; None: the key is left out."""
     place_fields: ClassVar[Sequence[str]] = ("axis",)
-    """Fields, where it has them, that say what it changes: the later of two faults of one place replaces the earlier.
-    """
+    """Fields that say where it is, if it has them: a later fault in the same place replaces an earlier one."""
     takes_down: ClassVar[bool] = False
-    """True if it takes boards down, at once: their drivers are not asked before for pulses that it still cuts off."""
+    """True if it takes boards down. Their drivers are not asked before: it cuts off pulses that have begun."""
 
     def __post_init__(self) -> None:
         for name, each in self.by_field().items():
@@ -154,59 +157,59 @@ class Fault(operations.Operation):
 
     @classmethod
     def sentence(cls) -> str:
-        """Return what it does, the first sentence of its docstring; Markdown."""
+        """Return what it does: the summary of its docstring, in Markdown."""
         text = " ".join(cleandoc(cls.__doc__ or "").partition("\n\n")[0].split()).removesuffix(".")
         return text[:1].lower() + text[1:]
 
     @classmethod
     def by_field(cls) -> dict[str, Keys]:
         """Return the keys of each field."""
-        return {each.name: _keys_of(each) for each in fields(cls)}
+        return _by_field(cls)
 
     @classmethod
     def keys(cls) -> dict[str, Key]:
-        """Return the keys of requests by their names: those that are needed, then the others."""
+        """Return the keys of requests by name, required ones first."""
         keys = {key.name: key for each in cls.by_field().values() for key in each.keys}
         return dict(sorted(keys.items(), key=lambda item: item[1].optional))
 
     @classmethod
     def shown(cls, _state: "ControlState", _values: Mapping[str, Any]) -> str:
-        """Return what a board's state shows of a request with these values; empty if it shows nothing."""
+        """Return the line about a request with these values that the state of a board gives; empty for none."""
         return ""
 
     # --- how it begins and ends
 
     def check_motors(self, *, turning: bool) -> None:
-        """Raise InputError if only motors feel it, and none turn with the boards."""
+        """Raise InputError for a fault that only turning motors feel, if none turn with the boards."""
 
     def undo(self, _before: BoardEnvironment) -> "Fault | None":
-        """Return the fault that ends this one, before which the machine was so; None if it has no end."""
+        """Return the fault that ends this one, from the environment before it; None if it has no end."""
         return None
 
     def begin(self, engine: "Engine", *, ends: bool) -> None:  # noqa: ARG002
-        """Let it happen to the machine of a scenario; `ends`: it is known when it ends."""
+        """Begin on the machine of a scenario; `ends` is true if the time of the end is known."""
         self.apply(engine.target.simulation, 0)
 
     def end(self, engine: "Engine") -> None:
-        """End it on the machine of a scenario."""
+        """End on the machine of a scenario."""
 
     @property
     def strikes(self) -> bool:
-        """True if it has done something as soon as it has begun."""
+        """True if it strikes when it begins; False if it waits for frames."""
         return True
 
     @property
     def lasts_s(self) -> float | None:
-        """Time after which it ends by itself; None if it does not."""
+        """Duration after which it ends by itself; None if it does not."""
         return None
 
     def why_endless(self) -> str | None:
-        """Return why nothing ends it, in words; None if there is something that does."""
+        """Return why a scenario cannot end it; None if it can."""
         return self.over if type(self).undo is Fault.undo else None
 
     @classmethod
     def ends_by(cls, values: Mapping[str, Any]) -> str | None:
-        """Return what else than its time ends the fault of a request with these values; None if the state shows it."""
+        """Return what ends the fault of a request with these values; None if the state of the machine shows it."""
         return cls.ending_request(values) if cls.ended_by else cls.ends.format(**values) or None
 
     @classmethod
@@ -220,11 +223,11 @@ class Fault(operations.Operation):
     # --- what answers it
 
     def documented(self, moment: "Moment") -> Documented:
-        """Return the reaction to it, if it begins while the machine does this."""
+        """Return the documented reaction to the fault if it begins at this moment."""
         return next(row for row in self.reactions if row.when(self, moment))
 
     def concerned(self, boards: Sequence[int]) -> list[int]:
-        """Return the axes, whose boards have these numbers, that answer it; those of their group stop with them."""
+        """Return the axes that must report the fault, from the number of each axis' board."""
         return list(range(len(boards)))
 
 
@@ -239,19 +242,16 @@ class MachineFault(Fault):
 
     @property
     def changes(self) -> tuple[object, ...]:
-        """What it changes, such as the supply, or a wire of an axis."""
+        """What it changes, such as the supply or the wire of an axis."""
         return (type(self), *(getattr(self, name, None) for name in self.place_fields))
 
     def begin(self, engine: "Engine", *, ends: bool) -> None:  # noqa: ARG002
-        """Operate the machine."""
         engine.change(self)
 
     def end(self, engine: "Engine") -> None:
-        """Undo the operation, unless a later one has replaced it."""
         engine.restore(self)
 
     def concerned(self, boards: Sequence[int]) -> list[int]:
-        """Return the axes on the board of its axis; all without one."""
         place = self.place
         return [axis for axis, board in enumerate(boards) if place is None or board == boards[place]]
 
@@ -271,5 +271,4 @@ class AxisFault(BoardFault, operations.AxisOperation):
     axis: Annotated[int, JOINT]
 
     def concerned(self, _boards: Sequence[int]) -> list[int]:
-        """Return its axis."""
         return [self.axis]

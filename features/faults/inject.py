@@ -59,9 +59,9 @@ def inject(
             _print_state(state)
             return
         fault = REQUESTS[do]
-        told = (fault and fault.shown(state, values)) or f"{' '.join(rest)}: done"
+        message = (fault and fault.shown(state, values)) or f"{' '.join(rest)}: done"
         end = end_of(do, values)
-        say(f"SIMULATED {state.robot}: {told}{f'; it lasts until {end}' if end else ''}")
+        say(f"SIMULATED {state.robot}: {message}{f'; it lasts until {end}' if end else ''}")
 
     which.tell(dict(state.document), in_words)
 

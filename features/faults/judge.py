@@ -12,7 +12,7 @@ from steptwin.features.faults.fault import Fault
 from steptwin.features.faults.kinds.bus import BusFault
 from steptwin.features.faults.moment import AxisMoment, Moment, moment_of
 from steptwin.features.faults.reaction import HOST_NOTICES_MS, TICK_MS, Motion, Reaction
-from steptwin.features.faults.report import FaultReport, JointAnswer, ScenarioReport, Told
+from steptwin.features.faults.report import FaultReport, JointAnswer, ReportedError, ScenarioReport
 from steptwin.features.faults.requests import request_of
 from steptwin.features.faults.triggers import AtTime
 from steptwin.host.client.words import state_text
@@ -96,7 +96,7 @@ def _facts(engine: Engine, played: Played) -> FaultReport:
         strikes=played.strikes,
         ended_s=None if played.ended_counts is None else _seconds(engine, played.ended_counts),
         emcys=tuple(
-            Told(names[each.axis], each.code, (each.counts - began.counts) / COUNTS_PER_MS)
+            ReportedError(names[each.axis], each.code, (each.counts - began.counts) / COUNTS_PER_MS)
             for each in emcys
             if began is not None
         ),
@@ -211,7 +211,7 @@ class _Judgement:
         """The axes that must answer: a drive that is off does not."""
         reactions = [_right_reaction(each) for each in engine.played]
         unknowable = any(each is not None and not each.verified for each in reactions)
-        self._losses_told = unknowable and (bool(end.reasons) or end.stopped)
+        self._losses_reported = unknowable and (bool(end.reasons) or end.stopped)
         """True if steps may go missing by a fault, and the run's verdict, or that of a stopped run, tells it."""
 
     def differences(self) -> list[str]:
@@ -221,8 +221,8 @@ class _Judgement:
         if reaction.stops and self._concerned and (stood or reaction.certain):
             found += self._wrong_stop()
         elif reaction.certain:
-            found += [line for axis in self._concerned for line in self._untold(axis)]
-        if not self._losses_told:
+            found += [line for axis in self._concerned for line in self._unreported(axis)]
+        if not self._losses_reported:
             found += [
                 f"{name}: {joint.lost_steps:g} steps lost in silence"
                 for name, joint in self.joints.items()
@@ -245,12 +245,12 @@ class _Judgement:
     def _wrong_stop(self) -> list[str]:
         if self.standstill_ms is None:
             return ["the motion did not stop"]
-        found = [line for axis in self._concerned for line in (*self._untold(axis), *self._wrong_end(axis))]
+        found = [line for axis in self._concerned for line in (*self._unreported(axis), *self._wrong_end(axis))]
         if self.limit_ms is not None and self.standstill_ms > self.limit_ms:
             found.append(f"stood after {self.standstill_ms:.2f} ms, later than {self.limit_ms:.2f} ms")
         return found
 
-    def _untold(self, axis: int) -> list[str]:
+    def _unreported(self, axis: int) -> list[str]:
         """Return that an axis has not reported the fault with a code of the reaction, if it has not and must.
 
         On a bus with faults its EMCY may be lost as well.

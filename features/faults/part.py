@@ -67,7 +67,7 @@ class FaultsPart(MachinePart):
         lines = []
         for fault in self.document()[NAME]:
             struck = "never struck" if fault["struck_s"] is None else f"struck at {fault['struck_s']:.6f} s"
-            codes = " ".join(dict.fromkeys(told["code"] for told in fault["emcys"])) or "no EMCY"
+            codes = " ".join(dict.fromkeys(each["code"] for each in fault["emcys"])) or "no EMCY"
             lines.append(f"{fault['name']}: {fault['due']}: {struck}, {fault['strikes']} times, {codes}")
         return "\n".join(lines)
 

@@ -13,8 +13,8 @@ from steptwin.protocol.cia402 import State
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
-    """An EMCY that answered a fault: joint, error code, and how long after the fault's beginning it was on the bus."""
+class ReportedError:
+    """An EMCY after a fault: joint, error code, and the time from the fault's beginning until it was on the bus."""
 
     joint: str
     code: int
@@ -76,7 +76,7 @@ class FaultReport:
     struck_s: float | None = None
     strikes: int = 0
     ended_s: float | None = None
-    emcys: tuple[Told, ...] = ()
+    emcys: tuple[ReportedError, ...] = ()
     standstill_ms: float | None = None
     joints: Mapping[str, JointAnswer] = field(default_factory=dict)
     what: str = ""
@@ -103,7 +103,7 @@ class FaultReport:
             "struck_s": _rounded(self.struck_s),
             "strikes": self.strikes,
             "ended_s": _rounded(self.ended_s),
-            "emcys": [told.to_dict() for told in self.emcys],
+            "emcys": [each.to_dict() for each in self.emcys],
         }
 
     def to_dict(self) -> dict[str, Any]:
@@ -174,14 +174,14 @@ def _lost(fault: Mapping[str, Any]) -> str:
     lost = {name: joint["lost_steps"] for name, joint in fault["joints"].items()}
     if lost and all(steps is None for steps in lost.values()):
         return _UNKNOWN
-    told = {name: _UNKNOWN if steps is None else fixed(steps, 0) for name, steps in lost.items() if steps != 0}
-    return ", ".join(f"{name} {steps}" for name, steps in told.items()) or "0"
+    texts = {name: _UNKNOWN if steps is None else fixed(steps, 0) for name, steps in lost.items() if steps != 0}
+    return ", ".join(f"{name} {steps}" for name, steps in texts.items()) or "0"
 
 
 _COLUMNS: Final[Columns] = {
     "fault": "{0[name]}",
     "due": "{0[due]}",
-    "answer": lambda fault: " ".join(dict.fromkeys(told["code"] for told in fault["emcys"])) or "none",
+    "answer": lambda fault: " ".join(dict.fromkeys(each["code"] for each in fault["emcys"])) or "none",
     "struck s": lambda fault: "never" if fault["struck_s"] is None else f"{fault['struck_s']:.3f}",
 }
 _TEXTS: Final = 3

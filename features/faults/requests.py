@@ -192,19 +192,19 @@ class ValueKind:
 
     Attributes:
         metavar: stands for it in help.
-        says: what it is in JSON, in words.
+        description: what it is in JSON.
         of_word: returns the value that a word means, None if it means that the key is missing; raises InputError.
         read: reads it from a table by its key.
         meant: returns what it means for a robot, from it and the request's other values; None: what it is.
-        told: returns what requests have for a field's value, from it and the fault; None: the value.
+        written: returns what requests have for a field's value, from it and the fault; None: the value.
     """
 
     metavar: str
-    says: str
+    description: str
     of_word: Callable[[str], object]
     read: Callable[[Table, Key], Any] = lambda table, key: table.text(key.name)
     meant: "Callable[[Robot, Any, Mapping[str, Any]], Any] | None" = None
-    told: "Callable[[Robot, Any, Fault], Any] | None" = None
+    written: "Callable[[Robot, Any, Fault], Any] | None" = None
 
 
 _HOST: Final = "host"
@@ -213,7 +213,7 @@ _JOINT: Final = ValueKind(
     "name of a joint",
     str,
     meant=lambda robot, name, _: robot.axis_index(name),
-    told=lambda robot, axis, _: robot.axis_names[axis],
+    written=lambda robot, axis, _: robot.axis_names[axis],
 )
 _KINDS: Final[Mapping[KeyKind, ValueKind]] = {
     KeyKind.TRUTH: ValueKind("on|off", "true or false", _level, lambda table, key: table.truth(key.name)),
@@ -229,13 +229,13 @@ _KINDS: Final[Mapping[KeyKind, ValueKind]] = {
     KeyKind.WORD: ValueKind("WORD", "word", str),
     KeyKind.JOINT: _JOINT,
     KeyKind.STATION: replace(_JOINT, metavar=f"JOINT|{_HOST}", of_word=lambda word: None if word == _HOST else word),
-    KeyKind.INPUT: ValueKind("NAME", "name of an input", str, meant=_wired_input, told=_input_name),
+    KeyKind.INPUT: ValueKind("NAME", "name of an input", str, meant=_wired_input, written=_input_name),
     KeyKind.SWITCH: ValueKind(
         "|".join(SWITCHES),
         " or ".join(f"`{name}`" for name in SWITCHES),
         str,
         meant=_fitted_switch,
-        told=lambda _robot, switch, _fault: next(name for name, bit in SWITCHES.items() if bit == switch),
+        written=lambda _robot, switch, _fault: next(name for name, bit in SWITCHES.items() if bit == switch),
     ),
     KeyKind.FRAMES: ValueKind(
         "FRAMES",
@@ -252,7 +252,7 @@ _KINDS: Final[Mapping[KeyKind, ValueKind]] = {
         f"up to {DATA_BYTES_MAX} bytes in hexadecimal digits",
         str,
         _read_bytes,
-        told=lambda _robot, data, _fault: data.hex(" "),
+        written=lambda _robot, data, _fault: data.hex(" "),
     ),
 }
 
@@ -268,9 +268,9 @@ def metavar(key: Key) -> str:
     return key.metavar or "|".join(map(str, key.choices)) or kind_of(key).metavar
 
 
-def says(key: Key) -> str:
-    """Return what a key's value is in JSON, in words."""
-    return " or ".join(f"`{each}`" for each in key.choices) or kind_of(key).says
+def description(key: Key) -> str:
+    """Return what a key's value is in JSON."""
+    return " or ".join(f"`{each}`" for each in key.choices) or kind_of(key).description
 
 
 def usage(do: str) -> str:
@@ -352,15 +352,15 @@ def request_of(robot: "Robot", fault: Fault) -> dict[str, Any]:
     for name, keys in fault.by_field().items():
         value = getattr(fault, name)
         for key, part in zip(keys.keys, keys.split(value), strict=True):
-            if not key.optional or key.told or value != usual.get(name):
-                values |= _told(robot, fault, key, part)
+            if not key.optional or key.written or value != usual.get(name):
+                values |= _written_values(robot, fault, key, part)
     keys_of_all = fault.keys()
     if any(key.kind is KeyKind.INPUT and values[name] is None for name, key in keys_of_all.items()):
         return {"do": type(fault).__name__, **asdict(fault)}  # the robot's file does not know the sensor
     return {"do": fault.do} | {key: values[key] for key in keys_of_all if values.get(key) is not None}
 
 
-def _told(robot: "Robot", fault: Fault, key: Key, value: Any) -> dict[str, Any]:
+def _written_values(robot: "Robot", fault: Fault, key: Key, value: Any) -> dict[str, Any]:
     """Return the values of a key, and of those that go with it, as a request has them."""
     if key.kind is KeyKind.WORD:
         return {key.name: next(word for word, each in key.choices.items() if each == value)}
@@ -370,8 +370,8 @@ def _told(robot: "Robot", fault: Fault, key: Key, value: Any) -> dict[str, Any]:
         ids = tuple(sorted(set(value)))
         name, axis = name_of(robot, ids) or (list(ids), None)
         return {key.name: name} | ({} if axis is None else {"joint": robot.axis_names[axis]})
-    told = kind_of(key).told
-    return {key.name: key.of_field(value) if told is None else told(robot, value, fault)}
+    write = kind_of(key).written
+    return {key.name: key.of_field(value) if write is None else write(robot, value, fault)}
 
 
 # --- the words of a command

@@ -96,7 +96,7 @@ class HostFault(Fault):
     )
 
     kind: Annotated[HostFaultKind, Key("how")]
-    by_s: Annotated[float, Key(metavar="SECONDS", least=0, most=86_400.0, unit="s", told=True)] = 0.0
+    by_s: Annotated[float, Key(metavar="SECONDS", least=0, most=86_400.0, unit="s", written=True)] = 0.0
 
     def __post_init__(self) -> None:
         if self.by_s < 0:

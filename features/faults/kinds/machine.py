@@ -335,7 +335,7 @@ class WatchdogReset(MachineFault):
     takes_down = True
     reactions = _RESETS
 
-    for_ms: Annotated[int, Key(metavar="MS", least=1, told=True)] = RESET_MS
+    for_ms: Annotated[int, Key(metavar="MS", least=1, written=True)] = RESET_MS
     axis: Annotated[int | None, JOINT] = None
 
     def apply(self, simulation: "Simulation", number: int) -> None:

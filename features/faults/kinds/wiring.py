@@ -175,7 +175,7 @@ class BouncingSwitch(SwitchFault):
     )
 
     bounces: Annotated[int, Key(metavar="BOUNCES", least=0, most=BOUNCES_MAX)]
-    within_us: Annotated[int, Key(metavar="US", least=1, told=True)] = WITHIN_US
+    within_us: Annotated[int, Key(metavar="US", least=1, written=True)] = WITHIN_US
     seed: Annotated[int, Key(metavar="SEED", least=0)] = 0
 
     def __post_init__(self) -> None:
