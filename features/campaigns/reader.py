@@ -230,7 +230,7 @@ class _Reader:
             if table.get("fault"):
                 findings = Findings()
                 with prefixed(f"{robot_name}: "):
-                    scenario = scenario_of(Table(table | {"name": name}, "table"), robot, findings)
+                    scenario = scenario_of(table | {"name": name}, robot, findings)
                     findings.raise_first()
                     for fault in scenario.faults:
                         fault.fault.check_motors(turning=turning)

@@ -5,11 +5,14 @@ have is in the fields of the faults, in `features/faults/kinds/`; here is how ea
 A fault of the bus names the frames that it concerns: those of a service, of one joint's node or of all.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, asdict, dataclass, fields, replace
-from functools import partial
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import MISSING, asdict, dataclass, fields, make_dataclass, replace
+from functools import cache
+from math import inf, isfinite
 from reprlib import repr as short
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+
+from pydantic_core import CoreSchema, core_schema
 
 from steptwin.features.faults.fault import Fault, Key, KeyKind
 from steptwin.features.faults.kinds import FAULTS
@@ -18,7 +21,9 @@ from steptwin.host.common import numbers
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.choices import LEVELS, STATE, SWITCHES
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.tables import Reading, Table
+from steptwin.host.common.file_models import FileTable, Within, read_model
+from steptwin.host.common.findings import Findings
+from steptwin.host.common.numbers import LARGEST
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.frame import (
     COB_EMCY,
@@ -84,18 +89,6 @@ def name_of(robot: "Robot", ids: tuple[int, ...]) -> tuple[str, int | None] | No
     return None
 
 
-def read_identifier(table: Table, key: str) -> int:
-    """Read an identifier of 11 bits; a reading of `Table`."""
-    return checked_identifier(key, table.integer(key))
-
-
-def checked_identifier(key: str, value: object) -> int:
-    """Return an identifier of 11 bits; raise InputError, with the key in front, for anything else."""
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= COB_ID_MASK:
-        raise InputError(f"{key}: {value!r} is not an identifier from 0 to 0x{COB_ID_MASK:X}")
-    return value
-
-
 DATA_BYTES_MAX: Final = 8
 """Longest data of a frame."""
 REQUESTS: Final[Mapping[str, type[Fault] | None]] = {**FAULTS, STATE: None}
@@ -119,6 +112,39 @@ def keys_of(do: str) -> dict[str, Key]:
 # --- the kinds of values
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class ReadAs:
+    """Annotates a value of a model that a function reads.
+
+    Attributes:
+        read: returns what the value means; raises InputError without the key.
+        schema: its JSON schema.
+    """
+
+    read: Callable[[object], object]
+    schema: Mapping[str, Any]
+
+    def __get_pydantic_core_schema__(self, _source: object, _handler: object) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, _schema: CoreSchema, _handler: object) -> dict[str, Any]:
+        return dict(self.schema)
+
+
+def by_name(members: Mapping[str, Any]) -> ReadAs:
+    """Return the annotation of a value that is read by its name."""
+    return ReadAs(lambda value: members[known_name(value, members)], {"enum": [*members]})
+
+
+def known_name(value: object, names: Iterable[str]) -> str:
+    """Return a name that is among some; raise InputError, with the nearest, for another value."""
+    if not isinstance(value, str):
+        raise InputError(f"{short(value)} is not a text")
+    if value not in names:
+        raise InputError(str(unknown("", value, names)).lstrip())
+    return value
+
+
 def _level(word: str) -> bool:
     if word not in LEVELS:
         raise InputError(f"{word!r} is neither on nor off")
@@ -132,26 +158,50 @@ def _whole(word: str, base: int = 10) -> int:
         raise InputError(f"{short(word)} is not a whole number") from None
 
 
-def _read_frames(table: Table, key: Key) -> str | tuple[int, ...]:
+def read_identifier(value: object) -> int:
+    """Return an identifier of 11 bits; raise InputError for anything else."""
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= COB_ID_MASK:
+        raise InputError(f"{short(value)} is not an identifier from 0 to 0x{COB_ID_MASK:X}")
+    return value
+
+
+IDENTIFIER: Final = Annotated[int, ReadAs(read_identifier, {"type": "integer", "minimum": 0, "maximum": COB_ID_MASK})]
+
+
+def _read_frames(value: object) -> str | tuple[int, ...]:
     """Read the name of frames, or a list of identifiers."""
-    if not isinstance(table.values.get(key.name), list):
-        name = table.text(key.name)
-        if name not in FRAMES:
-            raise unknown(key.name, name, FRAMES)
-        return name
-    return tuple(sorted({checked_identifier(key.name, each) for each in table.elements(key.name)}))
+    if isinstance(value, list):
+        return tuple(sorted(set(map(read_identifier, value))))
+    return known_name(value, FRAMES)
 
 
-def _read_bytes(table: Table, key: Key) -> bytes:
+def _read_bytes(value: object) -> bytes:
     """Read the data of a frame in hexadecimal digits."""
-    text = table.text(key.name)
+    if not isinstance(value, str):
+        raise InputError(f"{short(value)} is not a text")
     try:
-        data = bytes.fromhex(text)
+        data = bytes.fromhex(value)
     except ValueError:
-        raise InputError(f"{key.name}: {text!r} is not bytes in hexadecimal digits, such as '0f 00'") from None
+        raise InputError(f"{value!r} is not bytes in hexadecimal digits, such as '0f 00'") from None
     if len(data) > DATA_BYTES_MAX:
-        raise InputError(f"{key.name}: {len(data)} bytes are more than {DATA_BYTES_MAX}")
+        raise InputError(f"{len(data)} bytes are more than {DATA_BYTES_MAX}")
     return data
+
+
+def whole_number(least: float = -inf, most: float = inf) -> ReadAs:
+    """Return the annotation of a whole number from a least one on, of at most some size; seeds may be long."""
+
+    def read(value: object) -> int:
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise InputError(f"{short(value)} is not a whole number")
+        if value < least:
+            raise InputError(f"{short(value)} is below {least:g}")
+        if abs(value) > most:
+            raise InputError(f"{short(value)} is not a whole number up to {most}")
+        return value
+
+    limits = {"minimum": least, "maximum": most}
+    return ReadAs(read, {"type": "integer"} | {name: limit for name, limit in limits.items() if isfinite(limit)})
 
 
 def _wired_input(robot: "Robot", name: str, _values: Mapping[str, Any]) -> Any:
@@ -194,7 +244,7 @@ class ValueKind:
         metavar: stands for it in help.
         description: what it is in JSON.
         of_word: returns the value that a word means, None if it means that the key is missing; raises InputError.
-        read: reads it from a table by its key.
+        hint: returns its type in a model of the request.
         meant: returns what it means for a robot, from it and the request's other values; None: what it is.
         written: returns what requests have for a field's value, from it and the fault; None: the value.
     """
@@ -202,11 +252,12 @@ class ValueKind:
     metavar: str
     description: str
     of_word: Callable[[str], object]
-    read: Callable[[Table, Key], Any] = lambda table, key: table.text(key.name)
+    hint: Callable[[Key], Any] = lambda _: str
     meant: "Callable[[Robot, Any, Mapping[str, Any]], Any] | None" = None
     written: "Callable[[Robot, Any, Fault], Any] | None" = None
 
 
+_FRAMES_SCHEMA: Final = {"anyOf": [{"enum": [*FRAMES]}, {"type": "array", "items": {"type": "integer"}}]}
 _HOST: Final = "host"
 _JOINT: Final = ValueKind(
     "JOINT",
@@ -216,15 +267,15 @@ _JOINT: Final = ValueKind(
     written=lambda robot, axis, _: robot.axis_names[axis],
 )
 _KINDS: Final[Mapping[KeyKind, ValueKind]] = {
-    KeyKind.TRUTH: ValueKind("on|off", "true or false", _level, lambda table, key: table.truth(key.name)),
+    KeyKind.TRUTH: ValueKind("on|off", "true or false", _level, lambda _: bool),
     KeyKind.WHOLE: ValueKind(
-        "N", "whole number", _whole, lambda table, key: table.integer(key.name, key.most, key.least)
+        "N", "whole number", _whole, lambda key: Annotated[int, whole_number(key.least, key.most)]
     ),
     KeyKind.NUMBER: ValueKind(
         "NUMBER",
         "number",
         numbers.finite_number,
-        lambda table, key: table.number(key.name, key.least, key.most, key.unit),
+        lambda key: Annotated[float, Within(key.least, min(key.most, LARGEST), key.unit)],
     ),
     KeyKind.WORD: ValueKind("WORD", "word", str),
     KeyKind.JOINT: _JOINT,
@@ -241,17 +292,15 @@ _KINDS: Final[Mapping[KeyKind, ValueKind]] = {
         "FRAMES",
         "name of frames, or list of identifiers",
         lambda word: [_whole(each, 0) for each in word.split(",")] if word[:1].isdigit() else word,
-        _read_frames,
+        lambda _: Annotated[Any, ReadAs(_read_frames, _FRAMES_SCHEMA)],
         _ids_of,
     ),
-    KeyKind.IDENTIFIER: ValueKind(
-        "ID", "identifier", lambda word: _whole(word, 0), lambda table, key: read_identifier(table, key.name)
-    ),
+    KeyKind.IDENTIFIER: ValueKind("ID", "identifier", lambda word: _whole(word, 0), lambda _: IDENTIFIER),
     KeyKind.BYTES: ValueKind(
         "HEX",
         f"up to {DATA_BYTES_MAX} bytes in hexadecimal digits",
         str,
-        _read_bytes,
+        lambda _: Annotated[bytes, ReadAs(_read_bytes, {"type": "string"})],
         written=lambda _robot, data, _fault: data.hex(" "),
     ),
 }
@@ -282,45 +331,56 @@ def usage(do: str) -> str:
 # --- reading
 
 
-def _read_value(key: Key, table: Table, _name: str) -> Any:
-    """Read the value of a key, of its kind and within its limits."""
-    value = kind_of(key).read(table, key)
-    if key.choices and value not in key.choices:
-        raise InputError(f"{key.name}: {value!r} is not one of {', '.join(map(str, key.choices))}")
-    return value
+@cache
+def model_of(do: str, base: type[FileTable] = FileTable) -> type[Any]:
+    """Return the model of the tables that ask for `do`, with the keys of a base beside those of the fault."""
+    keys: list[Any] = [("do", Literal[do])]
+    for key in keys_of(do).values():
+        hint = Literal[tuple(key.choices)] if key.choices else kind_of(key).hint(key)
+        keys.append((key.name, hint | None, None) if key.optional else (key.name, hint))
+    named = {"__doc__": f"{do}: {sentence(do)}."}
+    return make_dataclass(f"{do} table", keys, bases=(base,), namespace=named, frozen=True, kw_only=True)
 
 
 def read_request(robot: "Robot", request: Mapping[str, Any]) -> Fault | None:
-    """Return the fault that a request asks for; None if it only asks how the machine is.
+    """Return the fault that a request asks for; None if it only asks for the state of the machine.
 
     Raises:
         InputError: the request does not exist, has other keys or a value out of its range, or names something that the
             robot does not have.
     """
-    fault, _ = read_fault(robot, Table(request, "JSON object"), {})
-    return fault
+    findings = Findings()
+    table = read_fault_table(request, findings)
+    findings.raise_first()
+    return fault_of(robot, table)
 
 
-def read_fault(robot: "Robot", table: Table, beside: Mapping[str, Reading]) -> tuple[Fault | None, dict[str, Any]]:
-    """Return the fault that a table asks for, and the values of keys that it may have beside those of the fault.
+def read_fault_table(values: object, findings: Findings, base: type[FileTable] = FileTable) -> Any:
+    """Return the table of a fault by its model, or a part of it; what is wrong goes to the findings.
 
-    Raises as `read_request`.
+    Raises:
+        InputError: it is no table, or its `do` is missing or unknown.
     """
-    if "do" not in table:
+    if not isinstance(values, dict):
+        raise InputError(f"{short(values)} is not a table")
+    if "do" not in values:
         raise InputError(f"do: is missing: one of {', '.join(REQUESTS)}")
-    do = table.text("do")
-    if do not in REQUESTS:
-        raise unknown("do", do, REQUESTS)
-    keys, fault = keys_of(do), REQUESTS[do]
-    required = {name: partial(_read_value, key) for name, key in keys.items() if not key.optional}
-    optional = {name: partial(_read_value, key) for name, key in keys.items() if key.optional}
-    values = table.read({"do": Table.text, **required}, {**optional, **beside})
-    made = None if fault is None else _made(robot, fault, {name: values[name] for name in keys})
-    return made, {key: values[key] for key in beside}
+    with prefixed("do: "):
+        do = known_name(values["do"], REQUESTS)
+    return read_model(model_of(do, base), values, findings)
 
 
-def _made(robot: "Robot", fault: type[Fault], values: Mapping[str, Any]) -> Fault:
-    """Return a fault with these values of its keys, None for one that is missing."""
+def fault_of(robot: "Robot", table: Any) -> Fault | None:
+    """Return the fault that a table of its model asks for on a robot; None for the state.
+
+    Raises:
+        InputError: the robot does not have what it names, or its values do not go together.
+        UnreadError: a value of the table could not be read.
+    """
+    fault = REQUESTS[table.do]
+    if fault is None:
+        return None
+    values = {name: getattr(table, name) for name in keys_of(table.do)}
 
     def meant(key: Key) -> Any:
         value = values[key.name]

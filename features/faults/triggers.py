@@ -5,19 +5,19 @@ Positions are those that the drivers have counted, looked at on servo ticks. A t
 instant when it is due, and looks no more often than it must.
 """
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields
 from enum import StrEnum
 from random import Random
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
 
 from steptwin.controller.motion.kernel import TICK_COUNTS
-from steptwin.features.faults.requests import read_identifier
-from steptwin.host.common.bad_input import unknown
+from steptwin.features.faults.requests import IDENTIFIER, by_name, whole_number
+from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.tables import Table, integer_from, number_from
+from steptwin.host.common.file_models import FileTable, Within
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.robot_boards import RobotBoards
 from steptwin.protocol.cia402 import State
@@ -59,12 +59,19 @@ class Trigger:
         """Return the same with what is random in it drawn."""
         return self
 
+    def check(self, robot: Robot) -> None:
+        """Raise InputError if the robot does not have the joint."""
+
     def watch(self, engine: "Engine") -> Watch:
         """Return what waits for it on the machine of an engine from now on."""
         raise NotImplementedError
 
 
 # --- a time
+
+TIME_MAX_S: Final = 86_400.0
+"""Longest time in a scenario: a day."""
+Time = Annotated[float, Within(0, TIME_MAX_S, "s")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,19 +92,19 @@ class AtTime(Trigger):
 
 
 @dataclass(frozen=True, slots=True)
-class AtRandom(Trigger):
+class AtRandom(Trigger, FileTable):
     """An instant of the motion between two times in seconds from its start, drawn evenly by the scenario's seed.
 
     Raises:
-        ValueError: the second time is before the first.
+        InputError: the second time is before the first.
     """
 
-    from_s: float
-    to_s: float
+    from_s: Time
+    to_s: Time
 
     def __post_init__(self) -> None:
         if not self.from_s <= self.to_s:
-            raise ValueError(f"to_s: {self.to_s:g} s is before from_s, {self.from_s:g} s")
+            raise InputError(f"to_s: {self.to_s:g} s is before from_s, {self.from_s:g} s")
 
     def drawn(self, random: Random) -> AtTime:
         """Return the instant that is drawn, to a microsecond."""
@@ -144,8 +151,11 @@ class Direction(StrEnum):
     ANY = "any"
 
 
+PassingDirection = Annotated[Direction, by_name({each.value: each for each in Direction})]
+
+
 @dataclass(frozen=True, slots=True)
-class AtPosition(Trigger):
+class AtPosition(Trigger, FileTable):
     """The first servo tick at whose start a joint is at or beyond a position, having been before it.
 
     Attributes:
@@ -156,10 +166,13 @@ class AtPosition(Trigger):
 
     joint: str
     value: float
-    direction: Direction = Direction.ANY
+    direction: PassingDirection = Direction.ANY
 
     def __str__(self) -> str:
         return f"{self.joint} {_PASSING[self.direction]} {self.value:g}"
+
+    def check(self, robot: Robot) -> None:
+        robot.index_of(self.joint)
 
     def watch(self, engine: "Engine") -> "PositionWatch":
         return PositionWatch(self, engine.target)
@@ -218,14 +231,14 @@ class PositionWatch(Watch):
 
 
 @dataclass(frozen=True, slots=True)
-class OnFrame(Trigger):
+class OnFrame(Trigger, FileTable):
     """The instant when the n-th frame of an identifier since power-up becomes valid on the bus."""
 
-    cob_id: int
-    n: int = 1
+    id: IDENTIFIER
+    n: Annotated[int, whole_number(1)] = 1
 
     def __str__(self) -> str:
-        return f"on frame {self.n} of 0x{self.cob_id:03X}"
+        return f"on frame {self.n} of 0x{self.id:03X}"
 
     def watch(self, _engine: "Engine") -> "FrameWatch":
         return FrameWatch(self)
@@ -239,7 +252,7 @@ class FrameWatch(Watch):
         self._heard = 0
 
     def hear(self, cob_id: int) -> None:
-        self._heard += cob_id == self._trigger.cob_id
+        self._heard += cob_id == self._trigger.id
 
     def is_due(self, _now_counts: int) -> bool:
         return self._heard >= self._trigger.n
@@ -248,15 +261,21 @@ class FrameWatch(Watch):
         return f"there were {self._heard} such frames"
 
 
+DriveState = Annotated[State, by_name({state.name.replace("_", " "): state for state in State})]
+
+
 @dataclass(frozen=True, slots=True)
-class AtState(Trigger):
+class AtState(Trigger, FileTable):
     """The instant when the drive of a joint is found in a state."""
 
     joint: str
-    state: State
+    state: DriveState
 
     def __str__(self) -> str:
         return f"{self.joint} in {self.state.name.replace('_', ' ')}"
+
+    def check(self, robot: Robot) -> None:
+        robot.axis_index(self.joint)
 
     def watch(self, engine: "Engine") -> "StateWatch":
         board, axis = engine.target.axes[engine.target.robot.axis_index(self.joint)]
@@ -290,60 +309,41 @@ def earliest(watches: Iterable[Watch]) -> int | None:
     return min((counts for watch in watches if (counts := watch.next_counts) is not None), default=None)
 
 
-# --- reading
-
-TIME_MAX_S: Final = 86_400.0
-"""Longest time in a scenario: a day."""
-read_time_s: Final = number_from(0, TIME_MAX_S, "s")
+# --- the keys of triggers
 
 
-def _at_random(_robot: Robot, table: Table, key: str) -> Trigger:
-    with table.section(key) as section:
-        times = section.read({"from_s": read_time_s, "to_s": read_time_s})
-        try:
-            return AtRandom(**times)
-        except ValueError as error:
-            raise InputError(str(error)) from error
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TriggerKeys(FileTable):
+    """A trigger.
+
+    Attributes:
+        at_s: time of the motion.
+        power_up_s: time from power-up.
+        at_position: a joint passes a position.
+        on_frame: a frame is on the bus.
+        at_state: the drive of a joint is in a state.
+        at_random: time of the motion, drawn by the seed.
+    """
+
+    at_s: Time | None = None
+    power_up_s: Time | None = None
+    at_position: AtPosition | None = None
+    on_frame: OnFrame | None = None
+    at_state: AtState | None = None
+    at_random: AtRandom | None = None
+
+    def trigger(self, robot: Robot) -> Trigger:
+        """Return the one trigger; raise InputError for none or several, or one that the robot lacks the joint for."""
+        given = {key: value for key in TRIGGERS if (value := getattr(self, key)) is not None}
+        if len(given) != 1:
+            raise InputError(f"a fault has exactly one of {', '.join(TRIGGERS)}, not {' and '.join(given) or 'none'}")
+        ((key, value),) = given.items()
+        if not isinstance(value, Trigger):
+            return AtTime(value, from_power_up=key == "power_up_s")
+        with prefixed(f"{key}."):
+            value.check(robot)
+        return value
 
 
-def _at_position(robot: Robot, table: Table, key: str) -> Trigger:
-    with table.section(key) as section:
-        values = section.read(
-            {"joint": Table.text, "value": Table.number},
-            {"direction": lambda table, key: table.choice(key, Direction)},
-        )
-        robot.index_of(values["joint"])
-    return AtPosition(values["joint"], values["value"], values["direction"] or Direction.ANY)
-
-
-def _on_frame(_robot: Robot, table: Table, key: str) -> Trigger:
-    with table.section(key) as section:
-        values = section.read({"id": read_identifier}, {"n": integer_from(1)})
-    return OnFrame(values["id"], values["n"] or 1)
-
-
-def _at_state(robot: Robot, table: Table, key: str) -> Trigger:
-    with table.section(key) as section:
-        values = section.read({"joint": Table.text, "state": read_state})
-        robot.axis_index(values["joint"])
-    return AtState(values["joint"], values["state"])
-
-
-def read_state(table: Table, key: str) -> State:
-    """Read the state of a drive; a reading of `Table`."""
-    name = table.text(key)
-    states = {state.name.replace("_", " "): state for state in State}
-    if name not in states:
-        raise unknown(key, name, states)
-    return states[name]
-
-
-TRIGGERS: Final[Mapping[str, Callable[[Robot, Table, str], Trigger]]] = {
-    "at_s": lambda _robot, table, key: AtTime(read_time_s(table, key)),
-    "power_up_s": lambda _robot, table, key: AtTime(read_time_s(table, key), from_power_up=True),
-    "at_position": _at_position,
-    "on_frame": _on_frame,
-    "at_state": _at_state,
-    "at_random": _at_random,
-}
-"""The keys of triggers, and what reads each."""
+TRIGGERS: Final = tuple(each.name for each in fields(TriggerKeys))
+"""The keys, of which a fault has one."""

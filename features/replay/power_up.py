@@ -124,11 +124,11 @@ def _bus_faults(table: Table, robot: Robot) -> tuple[str, ...]:
     if "faults" not in table:
         return ()
 
-    def of_bus(fault: Table) -> str | None:
-        with fault.section("do") as request:
+    def of_bus(reported: Table) -> str | None:
+        with reported.section("do") as request:
             fault = read_request(robot, request.values)
-        struck = isinstance(fault, BusFault) and not fault.is_null("struck_s")
-        return f"{fault.text('name')} ({request.text('do')})" if struck else None
+        struck = isinstance(fault, BusFault) and not reported.is_null("struck_s")
+        return f"{reported.text('name')} ({request.text('do')})" if struck else None
 
     return tuple(each for each in table.each("faults", of_bus) if each is not None)
 

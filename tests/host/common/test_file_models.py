@@ -10,13 +10,13 @@ import pytest
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_models import (
     Choice,
+    FileReading,
     FileTable,
     Name,
     NotNegative,
     Number,
     OneOf,
     Positive,
-    FileReading,
     Values,
     Whole,
     Within,
