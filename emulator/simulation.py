@@ -116,9 +116,9 @@ class Simulation:
         self.rotor_watch: TurningRotors | None = None
         """The rotors, as the participant that turns them has set it; None: they are where the drivers' steps put them.
         """
-        self._stranger_station: CanController | None = None
-        self.strange: list[tuple[int, Frame]] = []
-        """Frames that the stranger has sent, with the instant when each became valid."""
+        self._rogue_controller: CanController | None = None
+        self.rogue_frames: list[tuple[int, Frame]] = []
+        """Frames that the rogue node has sent, with the instant when each became valid."""
         self._participants: tuple[Participant, ...] = ()
         """What takes part beside boards and bus, in the order of their steps; replaced, never changed."""
         self._step_at_once = False
@@ -177,14 +177,14 @@ class Simulation:
             self.schedule([Consequence(until_counts, BoardStart(), number)])
 
     @property
-    def stranger(self) -> CanController:
+    def rogue_node(self) -> CanController:
         """A station that is no part of the machine; it is on the bus from its first frame on."""
-        if self._stranger_station is None:
-            self._stranger_station = CanController(
-                unheard, in_order=True, on_sent=lambda frame, counts: self.strange.append((counts, frame))
+        if self._rogue_controller is None:
+            self._rogue_controller = CanController(
+                unheard, in_order=True, on_sent=lambda frame, counts: self.rogue_frames.append((counts, frame))
             )
-            self.bus.attach(self._stranger_station)
-        return self._stranger_station
+            self.bus.attach(self._rogue_controller)
+        return self._rogue_controller
 
     def schedule(self, scheduled: Iterable[Scheduled]) -> None:
         """Let operations be executed at their instants."""
@@ -211,19 +211,19 @@ class Simulation:
         if was_silent:
             self._skip_intermission()
         give_up_counts, frames = self.now_counts + _SILENCE_MAX_S * COUNTS_PER_SECOND, self.bus.frames
-        strange = len(self.strange)
+        rogue = len(self.rogue_frames)
         while self.bus.busy or (self._late_readers and self._messages_wait):
             if self.now_counts > give_up_counts:
-                raise BusOverloadError(self._why_no_silence(self.bus.frames - frames, len(self.strange) - strange))
+                raise BusOverloadError(self._why_no_silence(self.bus.frames - frames, len(self.rogue_frames) - rogue))
             self._advance_to(give_up_counts + 1)
 
-    def _why_no_silence(self, frames: int, strange: int) -> str:
-        """Return why the bus is not silent though so many frames, and so many of strangers, have become valid."""
+    def _why_no_silence(self, frames: int, rogue: int) -> str:
+        """Return why the bus is not silent though so many frames, and so many of a rogue node, have become valid."""
         if frames < _BUSY_FRAMES:
             return f"a frame has waited {_SILENCE_MAX_S} s for the bus: it is held back, or no station acknowledges it"
-        if 2 * strange > frames:
+        if 2 * rogue > frames:
             return (
-                f"a stranger's frames 0x{self.strange[-1][1].cob_id:03X} fill the bus: "
+                f"a rogue node's frames 0x{self.rogue_frames[-1][1].cob_id:03X} fill the bus: "
                 f"no pause for {_SILENCE_MAX_S} s; they end with the last of them, or with the repair of the bus"
             )
         return (

@@ -12,10 +12,10 @@ from steptwin.controller.node.axis_context import BoardReadings
 from steptwin.controller.node.firmware import Firmware
 from steptwin.controller.node.pins import OUTPUT_PINS, Pin, PinChange
 from steptwin.emulator.board.board_firmware import BoardFirmware, BoardProgram, BoardPulses, OtherFirmwareError
+from steptwin.emulator.board.environment import AxisEnvironment, BoardEnvironment
 from steptwin.emulator.board.inputs import BoardInputs
 from steptwin.emulator.board.local_clock import CRYSTAL_PPM_MAX, LocalClock
 from steptwin.emulator.board.own_program import OwnProgram
-from steptwin.emulator.board.surroundings import AxisSurroundings, Surroundings
 from steptwin.emulator.bus.can_controller import CanController
 from steptwin.emulator.drivers.axis_wires import Condition, Wire
 from steptwin.emulator.drivers.driver_bank import SUPPLIES, AxisTrace, DriverBank, DriverMonitor
@@ -321,13 +321,13 @@ class Board:
         self._look_at_once = self._look_at_once or (not self.down and self.inputs.levels != self._seen)
 
     @property
-    def surroundings(self) -> Surroundings:
+    def environment(self) -> BoardEnvironment:
         """What the machine around the board is like now; switches as they were read last."""
-        return Surroundings(
+        return BoardEnvironment(
             self.inputs.emergency_stop,
             self.measurements.supply_10mv,
             self.measurements.temperature_decidegc,
-            tuple(map(AxisSurroundings, self.inputs.levels, self.inputs.stuck, self._held_protects, self._shorted)),
+            tuple(map(AxisEnvironment, self.inputs.levels, self.inputs.stuck, self._held_protects, self._shorted)),
             self.can.bitrate,
         )
 
@@ -407,8 +407,8 @@ class Board:
         shorted and a latch may act with any change of a pin, which a module's parts delay.
         """
         tick, drivers = self.motion.tick, self.drivers.drivers
-        harmed = (shorted or driver.chip.latched for shorted, driver in zip(self._shorted, drivers, strict=True))
-        if any(driver.tells_latch and acts for driver, acts in zip(drivers, harmed, strict=True)):
+        may_act = (shorted or driver.chip.latched for shorted, driver in zip(self._shorted, drivers, strict=True))
+        if any(driver.tells_latch and acts for driver, acts in zip(drivers, may_act, strict=True)):
             return tick + 1
         stays = (driver.told_until(tick * TICK_COUNTS) for driver in drivers)
         ticks = [max(-(-counts // TICK_COUNTS), tick + 1) for counts in stays if counts is not None]

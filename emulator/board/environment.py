@@ -11,7 +11,7 @@ PER_DEGC: Final = 10
 
 
 @dataclass(frozen=True, slots=True)
-class AxisSurroundings:
+class AxisEnvironment:
     """What one axis' connector is like.
 
     Attributes:
@@ -28,7 +28,7 @@ class AxisSurroundings:
 
 
 @dataclass(frozen=True, slots=True)
-class Surroundings:
+class BoardEnvironment:
     """What is the same for all axes of a board, and each axis.
 
     Attributes:
@@ -39,6 +39,6 @@ class Surroundings:
     emergency_stop: bool
     supply_10mv: int
     temperature_decidegc: int
-    axes: tuple[AxisSurroundings, ...]
+    axes: tuple[AxisEnvironment, ...]
     bitrate: int | None
     payload_kg: float = 0.0
