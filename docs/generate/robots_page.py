@@ -10,7 +10,8 @@ from docs.generate.paper_pages import PAPERS
 from docs.generate.runs import Runs
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded.outcome import Outcome
-from steptwin.host.verify.report import AxisReport, Report
+from steptwin.host.verify.figures import AxisReport
+from steptwin.host.verify.report import Report
 
 
 @dataclass(frozen=True, slots=True)

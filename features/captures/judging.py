@@ -33,7 +33,7 @@ from steptwin.host.verify import (
 )
 from steptwin.host.verify.clock_fit import ClockFit, fit_clock
 from steptwin.host.verify.clock_line import SeenSteps
-from steptwin.host.verify.counted import pulse_facts
+from steptwin.host.verify.figures import clk_high_us_min, clk_low_us_min, peak_rate_hz, reversals
 from steptwin.host.verify.gates import TOLERANCE_STEPS
 from steptwin.host.verify.net_counts import WHOLE_STEPS
 from steptwin.host.verify.oracle import ideal_steps
@@ -361,20 +361,18 @@ class AloneRun:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answer for JSON."""
-        axes = []
-        for axis in self.evidence.axes:
-            facts = pulse_facts(axis)
-            axes.append(
-                {
-                    "name": axis.name,
-                    "pulses": facts.pulses,
-                    "steps": int(axis.step_signs.sum()),
-                    "reversals": facts.reversals,
-                    "peak_rate_hz": facts.peak_rate_hz,
-                    "clk_high_us_min": facts.clk_high_us_min,
-                    "clk_low_us_min": facts.clk_low_us_min,
-                }
-            )
+        axes = [
+            {
+                "name": axis.name,
+                "pulses": axis.clk_rise_counts.size,
+                "steps": int(axis.step_signs.sum()),
+                "reversals": reversals(axis),
+                "peak_rate_hz": peak_rate_hz(axis),
+                "clk_high_us_min": clk_high_us_min(axis),
+                "clk_low_us_min": clk_low_us_min(axis),
+            }
+            for axis in self.evidence.axes
+        ]
         captured = _facts(self.capture, self.wiring, self.signals, self.seen)
         captured["hints"] = list(self.hints)
         verdict = {"passed": self.passed, "reasons": list(self.reasons)}

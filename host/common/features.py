@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from steptwin.host.twin.machine.emulated_machine import EmulatedMachine
     from steptwin.host.twin.machine.machine_options import MachineOptions
     from steptwin.host.verify.comparison import Comparison
+    from steptwin.host.verify.figures import Figure, SeenAxis
     from steptwin.protocol.drivers import DriverProfile
 
 GROUP: Final = "steptwin.features"
@@ -279,6 +280,8 @@ class Feature:
             for which the motion waits (None: unknown); None if the machine has no such part.
         expected: returns what a motion is planned to leave, from robot, trajectory and options; None for nothing.
         judge: returns the judge of its evidence.
+        figures: returns its figures of an axis, by key: they stand in its part of report.json under `axes`, and have
+            columns and limits as those of the core.
         live: returns what it says of a served board.
         drive_model: returns what it knows of drives, for planning; the first feature that has one is asked.
         requests: returns its requests of the control port.
@@ -314,6 +317,7 @@ class Feature:
     part: MakePart | None = None
     expected: "Callable[[Robot, Trajectory, Any], Any] | None" = None
     judge: "Callable[[], FeatureJudge] | None" = None
+    figures: "Callable[[], Mapping[str, Figure[SeenAxis]]] | None" = None
     live: Callable[[], LiveWords] | None = None
     drive_model: Callable[[], DriveModel] | None = None
     requests: Callable[[], ControlRequests] | None = None

@@ -13,6 +13,7 @@ from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, keep_record
 from steptwin.host.record.folder.writing import can_draw, draw_here
 from steptwin.host.twin.machine.boards import crystals_document
 from steptwin.host.verify import Comparison, Evidence, Report
+from steptwin.host.verify.figures import judged_document
 from steptwin.protocol.frame import Frame
 
 
@@ -168,7 +169,10 @@ class Outcome:
             report=replace(
                 report,
                 reasons=(*(each for each in report.reasons if each not in old), *new),
-                features={**report.features, name: judge.document(seen, evidence.start_counts)},
+                features={
+                    **report.features,
+                    name: judged_document(name, seen, evidence.start_counts, comparison.axis_names),
+                },
             ),
             late_reasons=(*(each for each in self.late_reasons if each not in old), *new),
         )
