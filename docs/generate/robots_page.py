@@ -71,7 +71,7 @@ def _tool(report: Report, sampled: PaperSamples | None) -> str:
 
 def _outputs(report: Report) -> list[str]:
     switched = [
-        f"{output.name} {'on' if output.on else 'off'} at {output.changed_s:.3f} s" for output in report.outputs
+        f"{output.output} {'on' if output.on else 'off'} at {output.changed_s:.3f} s" for output in report.outputs
     ]
     return [f"outputs: {', '.join(switched)}"] if switched else []
 

@@ -17,7 +17,7 @@ from steptwin.features.captures.channel_map import AxisSignals, ChannelMap, wire
 from steptwin.features.captures.drivers_seen import ONE_CLOCK, Reading, Seen, at_active_edges, drivers_of, see
 from steptwin.features.captures.limits_read import Kept, LimitAnswer
 from steptwin.host.common.arrays import FloatArray, Int8Array, Int64Array
-from steptwin.host.planning.trajectory import Switching, Trajectory
+from steptwin.host.planning.trajectory import OutputChange, Trajectory
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import (
     BusReport,
@@ -86,7 +86,7 @@ class OutputsLeftOut:
         return self.motion.breakpoints_s
 
     @property
-    def switchings(self) -> tuple[Switching, ...]:
+    def output_changes(self) -> tuple[OutputChange, ...]:
         """None."""
         return ()
 

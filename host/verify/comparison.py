@@ -8,7 +8,7 @@ from typing import Any, Final, Self
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
-from steptwin.host.planning.trajectory import Switching, Trajectory
+from steptwin.host.planning.trajectory import OutputChange, Trajectory
 from steptwin.host.robots.coupling import Coupling
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.chain import actual_chain
@@ -47,9 +47,9 @@ class AxisTrajectory:
         return self.trajectory.breakpoints_s
 
     @property
-    def switchings(self) -> tuple[Switching, ...]:
+    def output_changes(self) -> tuple[OutputChange, ...]:
         """The motion's changes of outputs."""
-        return self.trajectory.switchings
+        return self.trajectory.output_changes
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return axis positions, of shape (n, axes)."""

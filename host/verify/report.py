@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from steptwin.host.planning.trajectory import OutputChange
 from steptwin.host.verify.evidence import AxisEvidence, Evidence, SpeedReport
 from steptwin.host.verify.figures import AxisReport
-from steptwin.host.verify.switching import OutputReport
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +156,7 @@ class Report:
     axes: tuple[AxisReport, ...]
     joints: JointsReport
     tool: ToolReport
-    outputs: tuple[OutputReport, ...]
+    outputs: tuple[OutputChange, ...]
     violations: tuple[ViolationReport, ...]
     actual_tool: ToolReport | None = None
     features: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -180,7 +180,7 @@ class Report:
             "joints": _plain(asdict(self.joints)),
             "tool": None if isnan(self.tool.position_error_mm_max) else _plain(asdict(self.tool)),
             **({"actual_tool": _plain(asdict(self.actual_tool))} if self.actual_tool else {}),
-            "outputs": [_plain(asdict(output)) for output in self.outputs],
+            "outputs": [_plain(output.to_dict()) for output in self.outputs],
             "violations": [_plain(asdict(violation)) for violation in self.violations],
             **{name: _plain(dict(document)) for name, document in self.features.items()},
             **speeds_document(self.speeds),

@@ -112,7 +112,7 @@ def verify_comparison(comparison: Comparison, run: RunInfo) -> Report:
         for skew in skews
         if skew.skew_max > skew.limit
     ]
-    outputs = output_reports(comparison.expected.trajectory.switchings, comparison.evidence)
+    outputs = output_reports(comparison.expected.trajectory.output_changes, comparison.evidence)
     reasons += output_reasons(outputs, comparison.evidence)
     violations = violation_reports(comparison.evidence)
     evidence, documents = comparison.evidence, {}

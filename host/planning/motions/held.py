@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.planning.trajectory import Switching, Trajectory, expected_of
+from steptwin.host.planning.trajectory import OutputChange, Trajectory, expected_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,9 +35,9 @@ class CutShort:
         return tuple(t_s for t_s in self.trajectory.breakpoints_s if t_s < self.duration_s)
 
     @property
-    def switchings(self) -> tuple[Switching, ...]:
+    def output_changes(self) -> tuple[OutputChange, ...]:
         """The trajectory's changes of outputs up to the end."""
-        return tuple(change for change in self.trajectory.switchings if change.until_s <= self.duration_s)
+        return tuple(change for change in self.trajectory.output_changes if change.until_s <= self.duration_s)
 
     @property
     def expects(self) -> Mapping[str, Any]:
@@ -75,9 +75,9 @@ class Unwaited:
         return self.trajectory.breakpoints_s
 
     @property
-    def switchings(self) -> tuple[Switching, ...]:
+    def output_changes(self) -> tuple[OutputChange, ...]:
         """The trajectory's changes of outputs."""
-        return self.trajectory.switchings
+        return self.trajectory.output_changes
 
     @property
     def expects(self) -> Mapping[str, Any]:
@@ -125,7 +125,7 @@ class TimeSpan:
         return tuple((round(1000 * t_s) - from_ms) / 1000 for t_s in all_s[own])
 
     @property
-    def switchings(self) -> tuple[Switching, ...]:
+    def output_changes(self) -> tuple[OutputChange, ...]:
         """None: they are the whole motion's."""
         return ()
 
@@ -175,11 +175,11 @@ class Held:
         return tuple(sorted(own | ends))
 
     @property
-    def switchings(self) -> tuple[Switching, ...]:
+    def output_changes(self) -> tuple[OutputChange, ...]:
         """The trajectory's changes of outputs, at their new times."""
         return tuple(
             replace(change, from_s=self._later_s(change.from_s), until_s=self._later_s(change.until_s))
-            for change in self.trajectory.switchings
+            for change in self.trajectory.output_changes
         )
 
     @property

@@ -12,9 +12,9 @@ from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.planning.peaks import LONGEST_MS, TooLongError
 from steptwin.host.planning.trajectory import (
     DEFAULT_POINT_MS,
-    PlannedWait,
-    Switching,
+    OutputChange,
     Trajectory,
+    Wait,
     expected_of,
     smooth_breakpoints_ms,
     states,
@@ -111,11 +111,11 @@ class Stretched:
         return tuple(t_ms / 1000 for t_ms in sorted(around_ms) if 0 < t_ms < end_ms)
 
     @property
-    def switchings(self) -> tuple[Switching, ...]:
+    def output_changes(self) -> tuple[OutputChange, ...]:
         """The trajectory's changes of outputs, at their new times."""
         return tuple(
             replace(change, from_s=self.factor * change.from_s, until_s=self.factor * change.until_s)
-            for change in self.trajectory.switchings
+            for change in self.trajectory.output_changes
         )
 
     @property
@@ -124,7 +124,7 @@ class Stretched:
         return expected_of(self.trajectory)
 
     @property
-    def waits(self) -> tuple[PlannedWait, ...]:
+    def waits(self) -> tuple[Wait, ...]:
         """The trajectory's waits, at the first whole milliseconds in their pauses; their time-outs stay."""
         return tuple(
             replace(wait, at_s=_ceil_ms(1000 * self.factor * wait.at_s) / 1000) for wait in waits_of(self.trajectory)

@@ -15,7 +15,7 @@ from steptwin.host.common.features import judge_of
 from steptwin.host.common.file_limits import REPORT_BYTES_MAX
 from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import Table, json_table
-from steptwin.host.planning.trajectory import Switching
+from steptwin.host.planning.trajectory import OutputChange
 from steptwin.host.record.folder.layout import (
     REPORT,
     VERSION_KEY,
@@ -74,7 +74,7 @@ class StoredReport:
 
     Attributes:
         run: facts of the run that the verifier cannot compute.
-        switchings: planned changes of outputs, in order of time.
+        output_changes: planned changes of outputs, in order of time.
         passed: the verdict; None if the board did not know the plan.
         driver_profile: name of the drivers on the board.
         axes: figures of each axis by name.
@@ -88,7 +88,7 @@ class StoredReport:
     """
 
     run: RunInfo
-    switchings: tuple[Switching, ...]
+    output_changes: tuple[OutputChange, ...]
     passed: bool | None
     driver_profile: str
     axes: tuple[Mapping[str, Any], ...]
@@ -123,7 +123,7 @@ def _report(table: Table) -> StoredReport:
     check_version(table.values.get(VERSION_KEY))
     return StoredReport(
         run=_run(table),
-        switchings=table.each("outputs", _switching),
+        output_changes=table.each("outputs", _switching),
         passed=None if table.is_null("passed") else table.truth("passed"),
         driver_profile=table.text("driver_profile"),
         axes=table.each("axes", lambda axis: axis.values),
@@ -160,7 +160,7 @@ def _capture(table: Table) -> StoredCapture:
 def _of_recording(recording: UnfinishedRecording) -> StoredReport:
     return StoredReport(
         run=recording.run_info(),
-        switchings=(),
+        output_changes=(),
         passed=None,
         driver_profile=recording.header.driver_profile,
         axes=(),
@@ -192,8 +192,8 @@ def _duration_s(table: Table, key: str) -> float:
     return value_s
 
 
-def _switching(table: Table) -> Switching:
-    return Switching(table.text("name"), table.truth("on"), table.number("from_s"), table.number("until_s"))
+def _switching(table: Table) -> OutputChange:
+    return OutputChange(table.text("name"), table.truth("on"), table.number("from_s"), table.number("until_s"))
 
 
 def _on_purpose(table: Table) -> StoredFault:

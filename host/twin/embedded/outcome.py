@@ -7,8 +7,9 @@ from typing import Any, Protocol
 
 from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError
 from steptwin.host.common.features import judge_of
-from steptwin.host.operate.inputs_outputs import WaitMade, waits_document
+from steptwin.host.operate.inputs_outputs import waits_document
 from steptwin.host.planning.plan import Plan
+from steptwin.host.planning.trajectory import Wait
 from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, keep_recording, prepare_folder, write_folder
 from steptwin.host.record.folder.writing import can_draw, draw_here
 from steptwin.host.twin.machine.boards import crystals_document
@@ -139,7 +140,7 @@ class Outcome:
     bus_log: list[tuple[int, Frame]]
     fault: RunFault | None
     driver_profile: str
-    waits: tuple[WaitMade, ...] = ()
+    waits: tuple[Wait, ...] = ()
     verdicts: Mapping[str, RunVerdict] = field(default_factory=dict)
     operations: tuple[Mapping[str, Any], ...] = ()
     axes_per_board: tuple[int, ...] = ()

@@ -36,7 +36,7 @@ from steptwin.host.twin.machine.emulated_machine import EmulatedMachine
 from steptwin.host.twin.machine.evidence import axes_evidence
 from steptwin.host.verify import Evidence, speeds_document
 from steptwin.host.verify.figures import judged_document
-from steptwin.host.verify.switching import output_changes
+from steptwin.host.verify.switching import output_edges
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 
@@ -148,7 +148,7 @@ class UnplannedRun:
         machine = self._machine
         self._motion.follow(machine.simulation.now_counts)
         axes = axes_evidence(machine)
-        outputs = output_changes(machine.robot, axes)
+        outputs = output_edges(machine.robot, axes)
         return Evidence(self._motion.start_counts or 0, axes, outputs, machine.features_evidence())
 
     def save(self, folder: Path | str) -> None:
