@@ -16,8 +16,8 @@ from steptwin.features.captures.capture import Capture
 from steptwin.features.captures.channel_map import AxisSignals, ChannelMap, wired
 from steptwin.features.captures.drivers_seen import ONE_CLOCK, Reading, Seen, at_active_edges, drivers_of, see
 from steptwin.features.captures.limits_read import Kept, LimitAnswer
-from steptwin.host.common.arrays import FloatArray, Int8Array, Int64Array
-from steptwin.host.planning.trajectory import OutputChange, Trajectory
+from steptwin.host.common.arrays import Int8Array, Int64Array
+from steptwin.host.planning.trajectory import DerivedTrajectory, OutputChange, Trajectory
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import (
     BusReport,
@@ -64,39 +64,14 @@ class CaptureJudge:
     currents: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class OutputsLeftOut:
-    """A motion whose outputs nobody has recorded; implements Trajectory."""
-
-    motion: Trajectory
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """The motion's joints."""
-        return self.motion.joint_names
-
-    @property
-    def duration_s(self) -> float:
-        """The motion's duration."""
-        return self.motion.duration_s
-
-    @property
-    def breakpoints_s(self) -> tuple[float, ...]:
-        """The motion's breakpoints."""
-        return self.motion.breakpoints_s
+@dataclass(frozen=True, slots=True, eq=False)
+class OutputsLeftOut(DerivedTrajectory):
+    """A motion whose outputs nobody has recorded."""
 
     @property
     def output_changes(self) -> tuple[OutputChange, ...]:
         """None."""
         return ()
-
-    def positions(self, t_s: FloatArray) -> FloatArray:
-        """Return the motion's positions."""
-        return self.motion.positions(t_s)
-
-    def velocities(self, t_s: FloatArray) -> FloatArray:
-        """Return the motion's velocities."""
-        return self.motion.velocities(t_s)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

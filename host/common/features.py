@@ -218,6 +218,14 @@ class Telling(Protocol):
         """Print it for a served board."""
         ...
 
+    def print_verified(self, document: Mapping[str, Any]) -> None:
+        """Print it for a stored run that was verified again."""
+        ...
+
+    def kept(self, report: "Table") -> Mapping[str, Any]:
+        """Return what verifying a stored run again keeps of its report, by key; raise InputError for what is wrong."""
+        ...
+
     def served_failure(self, document: Mapping[str, Any]) -> str:
         """Return why a served board's end is no success; empty if it is one."""
         ...

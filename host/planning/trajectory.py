@@ -127,6 +127,49 @@ class Trajectory(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class DerivedTrajectory:
+    """A trajectory made of another one, which it follows in all that a subclass does not change; implements Trajectory.
+
+    It waits for no input.
+    """
+
+    trajectory: Trajectory
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        return self.trajectory.joint_names
+
+    @property
+    def duration_s(self) -> float:
+        """Duration, a whole number of milliseconds."""
+        return self.trajectory.duration_s
+
+    @property
+    def breakpoints_s(self) -> tuple[float, ...]:
+        """Times when the acceleration jumps."""
+        return self.trajectory.breakpoints_s
+
+    @property
+    def output_changes(self) -> tuple[OutputChange, ...]:
+        """Changes of outputs, in order of time."""
+        return self.trajectory.output_changes
+
+    @property
+    def expects(self) -> Mapping[str, Any]:
+        """What features are to find at the end, by key."""
+        return expected_of(self.trajectory)
+
+    def positions(self, t_s: FloatArray) -> FloatArray:
+        """Return joint positions, of shape (n, joints)."""
+        return self.trajectory.positions(t_s)
+
+    def velocities(self, t_s: FloatArray) -> FloatArray:
+        """Return joint velocities, of shape (n, joints)."""
+        return self.trajectory.velocities(t_s)
+
+
 DEFAULT_POINT_MS: Final = 10
 """Usual time between PVT points."""
 

@@ -1,9 +1,9 @@
 """A motion made slower or faster as a whole: the same path, with all times multiplied by one factor."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import ceil, floor
-from typing import Any, Final
+from typing import Final
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import whole_ms
@@ -12,10 +12,10 @@ from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.planning.peaks import LONGEST_MS, TooLongError
 from steptwin.host.planning.trajectory import (
     DEFAULT_POINT_MS,
+    DerivedTrajectory,
     OutputChange,
     Trajectory,
     Wait,
-    expected_of,
     smooth_breakpoints_ms,
     states,
     waits_of,
@@ -58,8 +58,8 @@ _WHOLE_MS: Final = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stretched:
-    """A trajectory whose duration is another one; implements Trajectory.
+class Stretched(DerivedTrajectory):
+    """A trajectory whose duration is another one.
 
     Speeds become smaller by the factor, accelerations by its square. A breakpoint that falls between two milliseconds
     becomes a breakpoint at each of them. The acceleration then jumps by some da within this millisecond, in which the
@@ -68,12 +68,10 @@ class Stretched:
     away, which is not beside another point: no record lasts a millisecond.
 
     Attributes:
-        trajectory: the trajectory itself.
-        duration_s: its new duration, a whole number of milliseconds.
+        stretched_s: its new duration, a whole number of milliseconds.
     """
 
-    trajectory: Trajectory
-    duration_s: float
+    stretched_s: float
 
     @classmethod
     def by(cls, trajectory: Trajectory, factor: float) -> "Stretched":
@@ -95,9 +93,9 @@ class Stretched:
         return self.duration_s / self.trajectory.duration_s
 
     @property
-    def joint_names(self) -> tuple[str, ...]:
-        """The trajectory's joints."""
-        return self.trajectory.joint_names
+    def duration_s(self) -> float:
+        """Its new duration."""
+        return self.stretched_s
 
     @property
     def breakpoints_s(self) -> tuple[float, ...]:
@@ -117,11 +115,6 @@ class Stretched:
             replace(change, from_s=self.factor * change.from_s, until_s=self.factor * change.until_s)
             for change in self.trajectory.output_changes
         )
-
-    @property
-    def expects(self) -> Mapping[str, Any]:
-        """What features are to find at the end, by key."""
-        return expected_of(self.trajectory)
 
     @property
     def waits(self) -> tuple[Wait, ...]:

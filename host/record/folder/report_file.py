@@ -5,13 +5,13 @@ file of its own.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.features import judge_of
+from steptwin.host.common.features import giving, judge_of
 from steptwin.host.common.file_limits import REPORT_BYTES_MAX
 from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import Table, json_table
@@ -52,23 +52,6 @@ class StoredCapture:
 
 
 @dataclass(frozen=True, slots=True)
-class StoredFault:
-    """What a report says of a fault on purpose.
-
-    Attributes:
-        name: its name in the scenario.
-        struck_s: instant of its first strike, since the motion's start or else power-up; None: it never struck.
-    """
-
-    name: str
-    struck_s: float | None
-
-    def __str__(self) -> str:
-        """Say which it was, and when."""
-        return f"{self.name}, {'never struck' if self.struck_s is None else f'struck at {self.struck_s:.3f} s'}"
-
-
-@dataclass(frozen=True, slots=True)
 class StoredReport:
     """A report read from its file.
 
@@ -83,7 +66,7 @@ class StoredReport:
         recording: the recording without an end from which the report was made; None for a report from a file.
         next_motion_s: when a motion began, since power-up, that is not in the plan; None if there was none.
         capture: of a real controller's edges; None for a run that was emulated.
-        on_purpose: the faults of the run's scenario.
+        kept: what features keep of it when the run is verified again, by key.
         stop: what has stopped a live board's machine since its motion began; None if nothing has.
     """
 
@@ -97,7 +80,7 @@ class StoredReport:
     recording: UnfinishedRecording | None = None
     next_motion_s: float | None = None
     capture: StoredCapture | None = None
-    on_purpose: tuple[StoredFault, ...] = ()
+    kept: Mapping[str, Any] = field(default_factory=dict)
     stop: MachineStop | None = None
 
     @property
@@ -131,7 +114,7 @@ def _report(table: Table) -> StoredReport:
         next_motion_s=_next_motion_s(table),
         document=table.values,
         capture=_capture(table) if "capture" in table else None,
-        on_purpose=table.each("faults", _on_purpose) if "faults" in table else (),
+        kept={key: value for _, telling in giving("telling") for key, value in telling().kept(table).items()},
         stop=_stop(table) if "stopped" in table and not table.is_null("stopped") else None,
     )
 
@@ -194,10 +177,6 @@ def _duration_s(table: Table, key: str) -> float:
 
 def _switching(table: Table) -> OutputChange:
     return OutputChange(table.text("name"), table.truth("on"), table.number("from_s"), table.number("until_s"))
-
-
-def _on_purpose(table: Table) -> StoredFault:
-    return StoredFault(table.text("name"), None if table.is_null("struck_s") else table.number("struck_s"))
 
 
 def _next_motion_s(table: Table) -> float | None:

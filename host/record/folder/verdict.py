@@ -1,7 +1,7 @@
 """Judge a stored run again from its files alone, and compare its report with them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -10,7 +10,7 @@ from steptwin.host.record.bus_log import count_frames
 from steptwin.host.record.folder.digests import of_other_runs
 from steptwin.host.record.folder.layout import BUS_LOG, REPORT, MachineStop, existing_file
 from steptwin.host.record.folder.reading import StoredRun, read_run
-from steptwin.host.record.folder.report_file import StoredFault, StoredReport
+from steptwin.host.record.folder.report_file import StoredReport
 from steptwin.host.verify import Report, contradictions, verify_comparison
 from steptwin.host.verify.figures import axis_figures
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -35,7 +35,7 @@ class FolderVerdict:
         noted: what the files beside the report do not show: of a capture, the reasons that were seen in the file of the
             logic analyser alone.
         simulated: False for a capture of a real controller.
-        on_purpose: the faults of the run's scenario, from the stored report.
+        kept: what features keep of the stored report, by key.
         stop: what has stopped a live board's machine since its motion began, which cannot pass; None: nothing has.
         of_other_runs: the files with which the stored report was not written: changed, or of another run.
     """
@@ -47,7 +47,7 @@ class FolderVerdict:
     interruption: str | None = None
     noted: tuple[str, ...] = ()
     simulated: bool = True
-    on_purpose: tuple[StoredFault, ...] = ()
+    kept: Mapping[str, Any] = field(default_factory=dict)
     of_other_runs: tuple[str, ...] = ()
     stop: MachineStop | None = None
 
@@ -97,7 +97,7 @@ def verify_folder(folder: Path, plan_folder: Path | None = None) -> FolderVerdic
         interruption,
         _noted(said),
         simulated=said.capture is None,
-        on_purpose=said.on_purpose,
+        kept=said.kept,
         of_other_runs=of_other_runs(folder, said.document),
         stop=said.stop,
     )
