@@ -192,4 +192,4 @@ def _arm_mm(robot: Robot, joints: FloatArray) -> list[FloatArray]:
 
 
 def _switched_s(motion: Trajectory, number: int) -> float:
-    return motion.switchings[number].from_s
+    return motion.output_changes[number].from_s
