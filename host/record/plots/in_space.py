@@ -10,15 +10,15 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.record.path_error import heading, path_error
-from steptwin.host.record.plots.canvas import COUNTED, PLANNED, WIDTH_INCHES, PlotView
+from steptwin.host.record.path_error import path_error
+from steptwin.host.record.plots.canvas import COUNTED, PLANNED, WIDTH_INCHES, Sheet
+from steptwin.host.record.plots.shown_run import SAMPLES, ShownRun
 from steptwin.host.robots.box import Box
 from steptwin.host.robots.kinematics import ArmPart, Role, make_kinematics
 from steptwin.host.robots.kinematics.base import tool_frames
 from steptwin.host.robots.kinematics.dh import Convention
 from steptwin.host.robots.kinematics.marks import Skeleton
 from steptwin.host.robots.robot import Robot
-from steptwin.host.verify import Comparison, RunInfo
 
 ARM: Final = "#7a3d00"
 """Colour of the arm: dark brown, as in the views onto planes."""
@@ -38,6 +38,8 @@ _AROUND_INCHES: Final = (0.65, 0.8)
 """Room above the box, for headings, and below it, for its labels."""
 _TICK_INCHES: Final = 0.7
 """Length of an axis on paper for each piece between its ticks."""
+_LETTERS: Final = 9
+"""Size of the labels around a view, for which there is room."""
 _TRIAD_PART: Final = 0.13
 """Length of a frame's axes in parts of the arm's extent."""
 _BASE_PART: Final = 0.08
@@ -64,8 +66,6 @@ HAND: Final = "#d9822b"
 """Colour of the arrow that shows where the tool points."""
 _POINTING: Final = {"scara": "x", "direction": "z", "pose": "z"}
 """The tool's axis that shows its orientation, by its task."""
-_INSTANTS: Final = 2001
-"""Instants of a run's path; its arrows are at some of them."""
 _ARROWS: Final = 20
 _ARROW_PART: Final = 0.12
 """Length of an arrow of the tool's direction in parts of the path's extent."""
@@ -82,7 +82,8 @@ def draw_arm_in_space(robot: Robot, joints: tuple[float, ...] | None = None) -> 
     kinematics, position = make_kinematics(robot), np.array([joints or robot.home])
     parts = kinematics.links(position)
     guided = [part for part in parts if part.name.startswith("rail")]
-    figure, views = _space(parts, 2 if guided else 1)
+    figure = Figure()
+    views = _space(figure, parts, 2 if guided else 1)
     _draw_parts(views[0], parts, within=_around(parts))
     dimensions_mm = _draw_dimensions(views[0], robot, position)
     axes_mm = _draw_joint_axes(views[0], robot, position, parts, dimensions_mm)
@@ -103,7 +104,8 @@ def draw_link_frames(robot: Robot, joints: tuple[float, ...]) -> Figure:
     """
     kinematics, position = make_kinematics(robot), np.array([joints])
     parts = kinematics.links(position)
-    figure, (axes,) = _space(parts)
+    figure = Figure()
+    (axes,) = _space(figure, parts)
     frames = kinematics.dh.frames(kinematics.dh_variables(position))[:, 0]
     points_mm = np.vstack([_points_of(parts), frames[:, :3, 3]])
     extent_mm = float(np.ptp(points_mm, axis=0).max())
@@ -118,7 +120,8 @@ def draw_link_frames(robot: Robot, joints: tuple[float, ...]) -> Figure:
 def draw_cloud_in_space(robot: Robot, cloud_mm: FloatArray, colour: str) -> Figure:
     """Return a figure of positions of the tool, of shape (n, 3), and the arm at home."""
     parts = make_kinematics(robot).links(np.array([robot.home]))
-    figure, (axes,) = _space(parts)
+    figure = Figure()
+    (axes,) = _space(figure, parts)
     axes.plot(*cloud_mm.T, "o", markeredgewidth=0, markersize=1.5, color=colour, alpha=0.7)
     drawn = np.vstack([cloud_mm, _around(parts), _draw_base(axes, parts, robot)])
     _draw_parts(axes, parts, within=drawn)
@@ -126,17 +129,17 @@ def draw_cloud_in_space(robot: Robot, cloud_mm: FloatArray, colour: str) -> Figu
     return figure
 
 
-def draw_run_in_space(comparison: Comparison, run: RunInfo, view: PlotView) -> Figure:
-    """Return a figure of a run's path with the tool's direction on the way, and of the arm at its start and end.
+def draw_in_space(sheet: Sheet, shown: ShownRun) -> None:
+    """Draw a run's path with the tool's direction on the way, and the arm at its start and end.
 
     Frames of base, joints and tool are those at the start. Without a known robot there is the path alone.
     """
+    comparison = shown.comparison
     robot, trajectory = comparison.expected.robot, comparison.expected.trajectory
-    t_s = np.linspace(0.0, trajectory.duration_s, _INSTANTS)
-    path = path_error(comparison, t_s)
-    joints = trajectory.positions(t_s[:: _INSTANTS // _ARROWS])
+    path = path_error(comparison, shown.planned_s)
+    joints = trajectory.positions(shown.planned_s[:: SAMPLES // _ARROWS])
     links = make_kinematics(robot).links(joints) if robot else ()
-    figure, (near, whole) = _space(links, 2)
+    near, whole = _space(sheet.figure, links, 2)
     for axes in (near, whole):
         axes.plot(*path.planned_mm.T, color=PLANNED, linewidth=4.0, label="planned")
         axes.plot(*path.counted_mm().T, color=COUNTED, linewidth=0.8, label="counted")
@@ -148,16 +151,16 @@ def draw_run_in_space(comparison: Comparison, run: RunInfo, view: PlotView) -> F
         _draw_parts(whole, end, alpha=0.35)
         _draw_parts(whole, start)
         all_mm += [_points_of(start), _points_of(end), _draw_base(whole, start, robot)]
-        if view.frames:
+        if shown.view.frames:
             all_mm += [_draw_mark(whole, mark) for mark in Skeleton(robot).frames(joints[:1])]
         if axis := _POINTING.get(comparison.expected.task.name):
             length_mm = _ARROW_PART * max(1.0, float(np.ptp(path.planned_mm, axis=0).max()))
             close.append(_draw_pointing(near, tool_frames(make_kinematics(robot), joints), axis, length_mm))
             title = f"the path and the tool's {axis} axis"
-    _fit(figure, [near, whole], [np.vstack(close), np.vstack(all_mm)], (title, "with the arm at start and end"))
-    figure.suptitle(heading(run, "in space"), x=0.01, ha="left", weight="bold")
-    figure.legend(handles=near.get_lines()[:4], loc="lower left", ncols=4)
-    return figure
+    views, titles = [near, whole], (title, "with the arm at start and end")
+    _fit(sheet.figure, views, [np.vstack(close), np.vstack(all_mm)], titles)
+    sheet.entitle()
+    sheet.figure.legend(handles=near.get_lines()[:4], loc="lower left", ncols=4)
 
 
 def _draw_pointing(axes: Any, tools: FloatArray, axis: str, length_mm: float) -> FloatArray:
@@ -180,14 +183,13 @@ def _draw_mark(axes: Any, mark: ArmPart) -> FloatArray:
     return ends_mm
 
 
-def _space(
-    parts: tuple[ArmPart, ...], count: int = 1
-) -> tuple[Figure, list[Any]]:  # Any: matplotlib's stubs know no 3D axes
-    figure = Figure(figsize=(WIDTH_INCHES, WIDTH_INCHES))
+def _space(figure: Figure, parts: tuple[ArmPart, ...], count: int = 1) -> list[Any]:
+    """Return views into space; Any: matplotlib's stubs know no 3D axes."""
+    figure.set_size_inches(WIDTH_INCHES, WIDTH_INCHES)
     views: list[Any] = [figure.add_subplot(1, count, i + 1, projection="3d") for i in range(count)]
     for axes in views:
         axes.view_init(_ELEVATION_DEG, _azimuth_deg(parts))
-    return figure, views
+    return views
 
 
 def _right(azimuth_deg: float) -> FloatArray:
@@ -417,6 +419,8 @@ def _fit(figure: Figure, views: list[Any], points: list[FloatArray], titles: Seq
             least = min(between, 2)
             axis.set_major_locator(MaxNLocator(between, steps=[1, 2, 2.5, 5, 10], min_n_ticks=least))
             axis.labelpad = 7.0
+            axis.label.set_size(_LETTERS)
+        axes.tick_params(labelsize=_LETTERS)
         drawn.append((lower, upper, scale))
     above_inches, below_inches = _AROUND_INCHES
     box_inches = max(scale * (upper[1] - lower[1]) for lower, upper, scale in drawn)
