@@ -7,10 +7,19 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from steptwin.host.record.plots.picture import DEFAULT_VIEW, Picture, PlotView, write_pictures
+from steptwin.host.record.plots.picture import DEFAULT_VIEW, Picture, PlotView, draw_picture, write_pictures
 from steptwin.host.verify import Comparison, RunInfo
 
-__all__ = ["DEFAULT_VIEW", "PICTURES", "RUN_PICTURES", "Picture", "PlotView", "write_plots"]
+__all__ = [
+    "DEFAULT_VIEW",
+    "PICTURES",
+    "RUN_PICTURES",
+    "Picture",
+    "PlotView",
+    "draw_picture",
+    "write_pictures",
+    "write_plots",
+]
 
 _OWN: Final = "steptwin.host.record.plots."
 _OVERVIEW, _JOINTS, _ERROR = _OWN + "overview", _OWN + "joints", _OWN + "error"

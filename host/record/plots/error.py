@@ -115,7 +115,7 @@ def _draw_close(axes: Axes, series: ErrorSeries, lane: _Lane) -> None:
     since_s = series.t_s[part] - series.t_s[worst]
     half_s = float(np.abs(since_s).max()) or 1.0
     _draw_line(axes, since_s / half_s, lane.up(series.values[:, part]))
-    said = f"{series.t_s[worst]:.4f} s ± {1e3 * half_s:.3g} ms"
+    said = f"{series.t_s[worst]:.4f} s ± {1e3 * half_s:.4g} ms"
     axes.text(0.0, LANE_HIGH + 0.03 - lane.number, said, ha="center", va="bottom", size=9.5)
 
 
