@@ -202,7 +202,7 @@ def _keep(
     document = document | {VERSION_KEY: FOLDER_VERSION}
     write_folder(folder, document, motion, run.comparison.evidence, ())
     if pictures := can_draw():
-        draw_pictures(folder, run.report.run, run.comparison, document)
+        draw_pictures(folder)
     answer.add_files(
         "report, edges and pictures are" if pictures else "report and edges are", folder, pictures=pictures
     )

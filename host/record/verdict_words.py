@@ -11,8 +11,8 @@ def verdict_words(document: Mapping[str, Any]) -> list[str]:
             return ["STOPPED BY A FAULT"]
         reasons = document["reasons"] or ["up to the wait every pulse is right"]
         return ["STOPPED BY A WAIT THAT TIMED OUT", *reasons]
-    if "reasons" not in document:
-        return ["NOT VERIFIED", "a live board's recording: `steptwin verify` compares it with its plan"]
+    if document.get("passed") is None:
+        return ["NOT VERIFIED", "a live board does not know its plan: `steptwin verify` compares it with one"]
     if document["reasons"] == [document.get("interruption")]:
         return ["INCOMPLETE", *document["reasons"]]
     if document["passed"]:

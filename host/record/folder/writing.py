@@ -24,9 +24,10 @@ from steptwin.host.record.folder.layout import (
     feature_files,
 )
 from steptwin.host.record.folder.motion import write_motion
+from steptwin.host.record.folder.reading import read_run
 from steptwin.host.record.plots import PICTURES, RUN_PICTURES, write_plots
 from steptwin.host.record.waveforms import Format, whole_record, wires, write_waveform
-from steptwin.host.verify import Comparison, Evidence, RunInfo
+from steptwin.host.verify import Evidence
 from steptwin.protocol.frame import Frame
 
 
@@ -106,6 +107,11 @@ def can_draw() -> bool:
     return find_spec("matplotlib") is not None
 
 
-def draw_pictures(folder: Path, run: RunInfo, comparison: Comparison, document: Mapping[str, Any]) -> None:
-    """Draw the pictures of a run into its folder; raise OSError if one cannot be written."""
-    write_plots(folder, RUN_PICTURES, run, comparison, document)
+def draw_pictures(folder: Path) -> None:
+    """Draw the pictures of the run in a folder; raise OSError if one cannot be written.
+
+    They are drawn from the folder, so that `plot` draws the same: the stored motion differs slightly from the planned
+    one (see `motion`), and with it the instant of the largest error.
+    """
+    stored = read_run(folder)
+    write_plots(folder, RUN_PICTURES, stored.report.run, stored.comparison, stored.report.document)

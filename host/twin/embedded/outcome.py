@@ -204,5 +204,5 @@ class Outcome:
         write_folder(path, document, self.plan, comparison.evidence, self.bus_log, comparison.expected.features)
         drawn = can_draw()
         if drawn:
-            draw_pictures(path, self.report.run, comparison, document)
+            draw_pictures(path)
         return drawn
