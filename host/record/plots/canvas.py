@@ -5,7 +5,7 @@ Figures are made without pyplot, which needs a window system and keeps global st
 
 import textwrap
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import accumulate
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -57,30 +57,30 @@ STYLE: Any = {  # Any: matplotlib spells out every key as a literal type in some
 }
 
 SHEET_STYLE: Any = STYLE | {  # larger letters: on a telephone a sheet of 8 inches is 390 pixels wide
-    "axes.titlesize": 11,
+    "axes.titlesize": 12,
     "axes.labelsize": 11,
     "axes.titley": 1.0,  # else matplotlib measures all labels to place the title above them
     "axes.formatter.useoffset": False,
     "figure.titlesize": 13,
-    "font.size": 11,
+    "font.size": 12,
     "legend.fontsize": 11,
     "legend.handlelength": 1.6,
     "legend.columnspacing": 1.4,
-    "xtick.labelsize": 10.5,
-    "ytick.labelsize": 10.5,
+    "xtick.labelsize": 11,
+    "ytick.labelsize": 11,
 }
 
 _SHEET_INCHES: Final = 8.0
 _EDGE_INCHES: Final = 0.18
 """Room between the sheet's edge and its texts."""
-_LEFT_INCHES: Final = 1.2
+LEFT_INCHES: Final = 1.2
 """Room on the left of a row's first panel: name with unit, and labels of ticks."""
 _APART_INCHES: Final = 1.0
 """Room between two panels of a row, for the same."""
 _TICKS_INCHES: Final = 0.74
 """Distance of a label from its panel: the width of seven digits."""
 _HEADING_LINE_INCHES, _LINE_INCHES, _HEADS_INCHES, _BELOW_INCHES = 0.25, 0.2, 0.3, 0.6
-_HEADING_CHARS, _CHARS = 68, 92
+_HEADING_CHARS, _CHARS = 68, 90
 """Letters of a line of the heading, and of other texts, that fit on a sheet."""
 _NAME_CHARS_AN_INCH: Final = 11
 """Letters of a panel's upright label that fit beside an inch of it."""
@@ -123,7 +123,7 @@ class Sheet:
         note: str = "",
         band_lines: int = 0,
         heights_inches: Sequence[float] = (),
-        left_inches: float = _LEFT_INCHES,
+        left_inches: float = LEFT_INCHES,
         right_inches: float = _EDGE_INCHES,
         apart_inches: float = _APART_INCHES,
         share: Literal["all", "column", "none"] = "all",
@@ -205,6 +205,11 @@ class Sheet:
             borderpad=0.0,
             ncols=columns,
         )
+
+
+def room_for(labels: Iterable[str]) -> float:
+    """Return the inches that labels need on the left of a panel with lanes."""
+    return 0.35 + 0.092 * max((len(line) for label in labels for line in label.split("\n")), default=0)
 
 
 LANE_HIGH: Final = 0.8

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.record.plots.canvas import COUNTED, LIMIT, Sheet
+from steptwin.host.record.plots.canvas import COUNTED, LIMIT, Sheet, room_for
 from steptwin.host.record.plots.shown_run import PlotMoment, ShownRun, interval_around, pulse_times
 from steptwin.host.record.waveforms import Signal, Window, whole_record, wires
 from steptwin.host.verify import Comparison, Phases
@@ -35,7 +35,7 @@ def draw_edges(sheet: Sheet, shown: ShownRun) -> None:
         what=f"{sheet.picture.title} around t = {moment.at_s:.6f} s",
         band_lines=1,
         heights_inches=[sheet.picture.row_inches * len(lanes)],
-        left_inches=0.3 + 0.1 * max(map(len, names)),
+        left_inches=room_for(names),
         right_inches=1.2,
     )
     for lane, signal in enumerate(lanes):

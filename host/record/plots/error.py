@@ -16,6 +16,7 @@ from steptwin.host.record.plots.canvas import (
     Sheet,
     envelope,
     make_lanes,
+    room_for,
     write_inside,
 )
 from steptwin.host.record.plots.shown_run import ErrorSeries, ShownRun
@@ -39,13 +40,12 @@ def draw_error(sheet: Sheet, shown: ShownRun) -> None:
     whole, close_up = sheet.picture.heads
     heads = (f"{whole}; dashed: limit of {said} steps" if moving else whole, close_up)
     labels = [f"{one.name}\n{np.abs(one.values).max():.3g} {one.unit}" for one in series]
-    letters = max((len(line) for label in labels for line in label.split("\n")), default=0)
     ((left, right),) = sheet.panels(
         1,
         heads=heads,
         note=shown.still,
         heights_inches=[sheet.picture.row_inches * max(len(series), 1)],
-        left_inches=0.35 + 0.085 * letters,
+        left_inches=room_for(labels),
         apart_inches=0.3,
         share="none",
     )
@@ -116,7 +116,7 @@ def _draw_close(axes: Axes, series: ErrorSeries, lane: _Lane) -> None:
     half_s = float(np.abs(since_s).max()) or 1.0
     _draw_line(axes, since_s / half_s, lane.up(series.values[:, part]))
     said = f"{series.t_s[worst]:.4f} s ± {1e3 * half_s:.4g} ms"
-    axes.text(0.0, LANE_HIGH + 0.03 - lane.number, said, ha="center", va="bottom", size=9.5)
+    axes.text(0.0, LANE_HIGH + 0.03 - lane.number, said, ha="center", va="bottom", size=10)
 
 
 def _draw_line(axes: Axes, times: FloatArray, values: FloatArray) -> None:

@@ -8,7 +8,18 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from steptwin.host.record.path_error import path_error
-from steptwin.host.record.plots.canvas import COUNTED, LANE_HIGH, LIMIT, PLANNED, Sheet, envelope, make_lanes, thinned
+from steptwin.host.record.plots.canvas import (
+    COUNTED,
+    LANE_HIGH,
+    LEFT_INCHES,
+    LIMIT,
+    PLANNED,
+    Sheet,
+    envelope,
+    make_lanes,
+    room_for,
+    thinned,
+)
 from steptwin.host.record.plots.shown_run import ShownRun, accepted_rates, planned_rates
 from steptwin.host.record.plots.tool_path import draw_arm_and_path
 from steptwin.host.record.verdict_words import verdict_words
@@ -21,7 +32,7 @@ LANE_INCHES: Final = 0.42
 _POINTS: Final = 700
 """Groups of intervals that are drawn of each axis."""
 
-_WORDS_CHARS: Final = 84
+_WORDS_CHARS: Final = 78
 _REASONS_MAX: Final = 4
 
 
@@ -35,8 +46,9 @@ def draw_overview(sheet: Sheet, shown: ShownRun) -> None:
     words += _figures(shown.document)
     lanes = max(len(shown.moving), 1)
     heights = [PATH_INCHES] * bool(comparison.expected.task.width) + [ERROR_INCHES, LANE_INCHES * lanes]
+    names = [comparison.axis_names[i] for i in shown.moving]
     rows = sheet.panels(len(heights), note=shown.still, band_lines=1 + len(words), heights_inches=heights, share="none",
-                        right_inches=1.15)  # fmt: skip
+                        left_inches=max(LEFT_INCHES, room_for(names)), right_inches=1.15)  # fmt: skip
     sheet.write(verdict, size=20, weight="bold", color=PASSED if verdict == "PASSED" else LIMIT)
     sheet.write("\n".join(words), below_inches=0.42)
     *path, error, rates = (row[0] for row in rows)
