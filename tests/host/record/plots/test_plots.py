@@ -350,9 +350,10 @@ class TestAToolThatStandsStill:
 
 
 def test_pictures_of_a_short_time_say_around_which_instant() -> None:
-    said = [text.get_text() for text in drawn("error").axes[1].texts[1:]]
-    assert said
+    *said, attitude = (text.get_text() for text in drawn("error").axes[1].texts[1:])
+    assert len(said) == 3
     assert all(re.fullmatch(r"\d+\.\d{4} s ± [\d.]+ ms", text) for text in said)
+    assert attitude == "no step counted"
     for picture in ("edges", "phases"):
         labels = [axes.get_xlabel() for axes in drawn(picture).axes]
         assert [label for label in labels if re.match(r"around t = \d+\.\d{4,6} s, in ms", label)], (picture, labels)
