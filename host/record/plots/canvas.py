@@ -170,8 +170,8 @@ class Sheet:
                 first = grid[0][0 if share == "all" else column] if grid else row[0] if row and share == "all" else None
                 place = (x / _SHEET_INCHES, y / high, width / _SHEET_INCHES, height / high)
                 axes = figure.add_axes(place, sharex=None if share == "none" else first)
-                axes.xaxis.get_major_locator().set_params(nbins=max(2, int(width / 0.75)))
-                axes.yaxis.get_major_locator().set_params(nbins=max(2, int(height / 0.36)))
+                axes.locator_params(axis="x", nbins=max(2, int(width / 0.75)))
+                axes.locator_params(axis="y", nbins=max(2, int(height / 0.36)))
                 label_x = (x - _TICKS_INCHES) / _SHEET_INCHES
                 axes.yaxis.set_label_coords(label_x, 0.5, blended_transform_factory(figure.transFigure, axes.transAxes))
                 label_y = (y - 0.28) / high
@@ -192,7 +192,13 @@ class Sheet:
         """Write a text into the band between heading and panels, at a distance below its upper edge."""
         x, y = self.band
         y -= below_inches / self.figure.get_figheight()
-        self.figure.text(x, y, text, **{"va": "top", "linespacing": 1.3} | options)
+        self.figure.text(x, y, text, va="top", linespacing=1.3, **options)
+
+    def label(self, axes: Axes, name: str, unit: str) -> None:
+        """Write name and unit on the left of a panel, in two lines if they are long."""
+        height_inches = axes.get_position().height * self.figure.get_figheight()
+        text = f"{name} [{unit}]"
+        axes.set_ylabel(text if len(text) <= height_inches * _NAME_CHARS_AN_INCH else f"{name}\n[{unit}]")
 
     def legend(self, axes: Axes, columns: int) -> None:
         """Write the legend of a panel into the band between heading and panels."""
@@ -225,13 +231,6 @@ def make_lanes(axes: Axes, labels: Sequence[str]) -> None:
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(0.9 - max(len(labels), 1), 1.0)
     axes.grid(visible=False, axis="y")
-
-
-def label_panel(axes: Axes, name: str, unit: str) -> None:
-    """Write name and unit on the left of a panel, in two lines if they are long."""
-    height_inches = axes.get_position().height * axes.get_figure(root=True).get_figheight()
-    text = f"{name} [{unit}]"
-    axes.set_ylabel(text if len(text) <= height_inches * _NAME_CHARS_AN_INCH else f"{name}\n[{unit}]")
 
 
 def plain_texts(artist: Artist) -> None:

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.trajectory import Trajectory
-from steptwin.host.record.plots.canvas import COUNTED, LIMIT, PLANNED, Sheet, label_panel, thinned, write_inside
+from steptwin.host.record.plots.canvas import COUNTED, LIMIT, PLANNED, Sheet, thinned, write_inside
 from steptwin.host.record.plots.shown_run import ShownRun, accepted_rates, planned_rates
 from steptwin.host.robots.joint import Joint
 from steptwin.host.verify import Comparison
@@ -33,7 +33,7 @@ def draw_step_rates(sheet: Sheet, shown: ShownRun) -> None:
             label="accepted: 1 / interval",
         )
         axes.set_ylim(bottom=0.0)
-        label_panel(axes, comparison.axis_names[i], "steps/s")
+        sheet.label(axes, comparison.axis_names[i], "steps/s")
         _draw_dir(rows[2 * n + 1][0], comparison, i)
     if moving:
         sheet.legend(rows[0][0], 2)
@@ -75,7 +75,7 @@ def draw_joints(sheet: Sheet, shown: ShownRun) -> None:
         limits = _limits(robot.joints[i]) if robot else (None, None, None)
         for axes, values, own_limits in zip(row, motion, limits, strict=True):
             _draw(axes, t_s, values[:, i], own_limits, is_rate=axes is not row[0])
-        label_panel(row[0], comparison.joint_names[i], unit)
+        sheet.label(row[0], comparison.joint_names[i], unit)
         for axes, per in zip(row[1:], ("/s", "/s^2"), strict=True):
             axes.set_ylabel(f"[{unit}{per}]")
     rows[-1][0].set_xlim(0.0, shown.end_s)

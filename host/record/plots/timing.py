@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.record.plots.canvas import COUNTED, LIMIT, Sheet, label_panel, thinned
+from steptwin.host.record.plots.canvas import COUNTED, LIMIT, Sheet, thinned
 from steptwin.host.record.plots.shown_run import ShownRun
 from steptwin.host.verify import AxisEvidence, Comparison
 from steptwin.host.verify.counted import clk_durations
@@ -37,7 +37,7 @@ def draw_timing(sheet: Sheet, shown: ShownRun) -> None:
     bins_us = _lateness_bins_us(max([0.0, *(float(np.abs(late).max()) for late in late_us if late.size)]))
     for axes, i, late in zip(rows, moving, late_us, strict=False):
         _draw_lateness(axes, late, bins_us)
-        label_panel(axes, comparison.axis_names[i], "edges")
+        sheet.label(axes, comparison.axis_names[i], "edges")
     rows[-1].set_xscale("symlog", linthresh=LINEAR_US, linscale=LINEAR_DECADES)
     rows[-1].set_xlim(bins_us[0], bins_us[-1])
 
@@ -76,7 +76,7 @@ def draw_jitter(sheet: Sheet, shown: ShownRun) -> None:
     """Draw a row for each moving axis: jitter over time, and its histogram beside it."""
     rows = sheet.panels(len(shown.moving), note=shown.still, share="column", apart_inches=0.4)
     for (left, right), i in zip(rows, shown.moving, strict=False):
-        label_panel(left, shown.comparison.axis_names[i], "us")
+        sheet.label(left, shown.comparison.axis_names[i], "us")
         _draw_jitter(left, right, *_jitter(shown.comparison, i))
     rows[-1][0].set_xlim(0.0, shown.end_s)
 
@@ -146,7 +146,7 @@ def draw_widths(sheet: Sheet, shown: ShownRun) -> None:
     bins_us = _duration_bins_us([one for of_axis in durations for one in of_axis])
     for axes, of_axis, axis in zip(rows, durations, moving, strict=False):
         _draw_durations(axes, of_axis, bins_us)
-        label_panel(axes, axis.name, "times")
+        sheet.label(axes, axis.name, "times")
     if moving:
         sheet.legend(rows[0], 4)
         rows[-1].set_xlim(bins_us[0], bins_us[-1])
