@@ -1,1 +1,1 @@
-"""What stands around the board: switches, a shelf, and the state of the surroundings."""
+"""The machine around the boards: switches and wires."""

@@ -284,7 +284,7 @@ class Engine:
         if not isinstance(harm, MachineHarm):
             harm.apply(self.target.simulation, 0)
             return
-        undo = harm.undo(self.target.surroundings)
+        undo = harm.undo(self.target.environment)
         if isinstance(undo, MachineHarm):
             self._lasting.setdefault(_place_of(harm), _Changed(undo)).by.append(harm)
         self.target.operate(harm)

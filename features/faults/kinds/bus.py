@@ -16,7 +16,7 @@ from steptwin.protocol.frame import BITRATES, COB_ID_MASK, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND, COUNTS_PER_US
 
 if TYPE_CHECKING:
-    from steptwin.emulator.board.surroundings import Surroundings
+    from steptwin.emulator.board.environment import BoardEnvironment
     from steptwin.emulator.simulation import Simulation
 
 DELAY_MAX_S: Final = 86_400.0
@@ -210,7 +210,7 @@ class HostBitRate(MachineHarm):
         """Open the adapter again."""
         simulation.bus.set_host_bitrate(simulation.host, self.bitrate)
 
-    def undo(self, before: "Surroundings") -> "HostBitRate | None":
+    def undo(self, before: "BoardEnvironment") -> "HostBitRate | None":
         """Return the board's bit rate."""
         return None if before.bitrate is None else HostBitRate(before.bitrate)
 
@@ -230,7 +230,7 @@ class StrangerSends(MachineHarm):
 
     def apply(self, simulation: "Simulation", _number: int) -> None:
         """Send the frame."""
-        simulation.stranger.send(self.frame, simulation.now_counts)
+        simulation.rogue_node.send(self.frame, simulation.now_counts)
 
 
 BABBLE_US: Final = 47, 10_000_000
@@ -264,8 +264,8 @@ class Babble(MachineHarm):
         if not self.count:
             simulation.cancel(partial(_babbles, frame=self.frame))
             return
-        if simulation.stranger.waiting < _BABBLE_AHEAD:
-            simulation.stranger.send(self.frame, simulation.now_counts)
+        if simulation.rogue_node.waiting < _BABBLE_AHEAD:
+            simulation.rogue_node.send(self.frame, simulation.now_counts)
         if self.count > 1:
             next_counts = simulation.now_counts + self.period_us * COUNTS_PER_US
             simulation.schedule([Consequence(next_counts, replace(self, count=self.count - 1), number)])

@@ -11,7 +11,7 @@ from steptwin.protocol.od import MICROSTEPS_CHOICES
 
 if TYPE_CHECKING:
     from steptwin.emulator.board.board import Board
-    from steptwin.emulator.board.surroundings import Surroundings
+    from steptwin.emulator.board.environment import BoardEnvironment
     from steptwin.emulator.simulation import Simulation
 
 OSC_MIN_PF: Final = 64
@@ -41,7 +41,7 @@ class DriverProtect(AxisHarm):
         """Hold the pin, or release it."""
         board.hold_protect(self.axis, held=self.active)
 
-    def undo(self, before: "Surroundings") -> "DriverProtect":
+    def undo(self, before: "BoardEnvironment") -> "DriverProtect":
         """Return the pin as it was."""
         return DriverProtect(self.axis, before.axes[self.axis].protect_held)
 
@@ -84,7 +84,7 @@ class DriverMode(AxisHarm):
         """Set the mode at the start of the next tick."""
         board.set_driver_mode(self.axis, self.microsteps)
 
-    def undo(self, _before: "Surroundings") -> "DriverMode":
+    def undo(self, _before: "BoardEnvironment") -> "DriverMode":
         """Return the mode at power-up."""
         return DriverMode(self.axis, None)
 
@@ -134,7 +134,7 @@ class ShortCircuit(AxisHarm):
         """Short the motor at the start of the next tick, or repair it."""
         board.short(self.axis, shorted=self.shorted)
 
-    def undo(self, before: "Surroundings") -> "ShortCircuit":
+    def undo(self, before: "BoardEnvironment") -> "ShortCircuit":
         """Return the motor as it was; its driver is not."""
         return ShortCircuit(self.axis, before.axes[self.axis].shorted)
 

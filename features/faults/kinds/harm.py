@@ -12,7 +12,7 @@ from math import inf
 from typing import Any, ClassVar, Final
 
 from steptwin.emulator import operations
-from steptwin.emulator.board.surroundings import Surroundings
+from steptwin.emulator.board.environment import BoardEnvironment
 
 
 class KeyKind(Enum):
@@ -143,7 +143,7 @@ class Harm(operations.Operation):
         """Return why nothing ends it, in words; None if there is something that does."""
         return self.over if type(self).undo is Harm.undo else None
 
-    def undo(self, _before: Surroundings) -> "Harm | None":
+    def undo(self, _before: BoardEnvironment) -> "Harm | None":
         """Return the harm that ends this one, before which the machine was so; None if it has no end."""
         return None
 

@@ -10,7 +10,7 @@ from steptwin.protocol.cia402 import SWITCH_INPUTS, DigitalInput
 
 if TYPE_CHECKING:
     from steptwin.emulator.board.board import Board
-    from steptwin.emulator.board.surroundings import Surroundings
+    from steptwin.emulator.board.environment import BoardEnvironment
 
 BOUNCES_MAX: Final = 1000
 WITHIN_US: Final = 5_000
@@ -46,7 +46,7 @@ class StuckSwitch(SwitchOperation):
         """Hold the switch, or let it go."""
         board.inputs.stick(self.axis, self.switch, closed=self.closed)
 
-    def undo(self, before: "Surroundings") -> "StuckSwitch":
+    def undo(self, before: "BoardEnvironment") -> "StuckSwitch":
         """Return that the switch sticks as it did, or is free."""
         axis = before.axes[self.axis]
         closed = bool(axis.levels & self.switch) if axis.stuck & self.switch else None
@@ -85,7 +85,7 @@ class SwitchWire(SwitchOperation):
         closed = None if self.broken is None else self.broken is Contact.NORMALLY_CLOSED
         board.inputs.cut(self.axis, self.switch, closed=closed)
 
-    def undo(self, _before: "Surroundings") -> "SwitchWire":
+    def undo(self, _before: "BoardEnvironment") -> "SwitchWire":
         """Return the whole wire."""
         return SwitchWire(self.axis, self.switch, None)
 
@@ -121,7 +121,7 @@ class BouncingSwitch(SwitchOperation):
         """Let the switch bounce from now on."""
         board.inputs.let_bounce(self.axis, self.switch, self.bounces, self.within_us, self.seed)
 
-    def undo(self, _before: "Surroundings") -> "BouncingSwitch":
+    def undo(self, _before: "BoardEnvironment") -> "BouncingSwitch":
         """Return the switch as a new one."""
         return BouncingSwitch(self.axis, self.switch, 0)
 

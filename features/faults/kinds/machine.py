@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from steptwin.emulator import operations
-from steptwin.emulator.board.surroundings import PER_DEGC, PER_V
+from steptwin.emulator.board.environment import PER_DEGC, PER_V
 from steptwin.emulator.drivers.excitation import CYCLE_FULL_STEPS
 from steptwin.features.faults.kinds.harm import (
     JOINT,
@@ -22,7 +22,7 @@ from steptwin.protocol.cia402 import DigitalInput
 
 if TYPE_CHECKING:
     from steptwin.emulator.board.board import Board
-    from steptwin.emulator.board.surroundings import Surroundings
+    from steptwin.emulator.board.environment import BoardEnvironment
     from steptwin.emulator.simulation import Simulation
 
 FULL_STEPS_MAX: Final = 100_000
@@ -48,7 +48,7 @@ class EmergencyStop(BoardHarm):
         """Press the button, or pull it out."""
         board.inputs.emergency_stop = self.pressed
 
-    def undo(self, before: "Surroundings") -> "EmergencyStop":
+    def undo(self, before: "BoardEnvironment") -> "EmergencyStop":
         """Return the button as it was."""
         return EmergencyStop(before.emergency_stop)
 
@@ -68,7 +68,7 @@ class Supply(BoardHarm):
         """Let the board measure it."""
         board.measure(replace(board.measurements, supply_10mv=self.supply_10mv), now_counts)
 
-    def undo(self, before: "Surroundings") -> "Supply":
+    def undo(self, before: "BoardEnvironment") -> "Supply":
         """Return the voltage as it was."""
         return Supply(before.supply_10mv)
 
@@ -90,7 +90,7 @@ class BoardTemperature(BoardHarm):
         """Let the board measure it."""
         board.measure(replace(board.measurements, temperature_decidegc=self.temperature_decidegc), now_counts)
 
-    def undo(self, before: "Surroundings") -> "BoardTemperature":
+    def undo(self, before: "BoardEnvironment") -> "BoardTemperature":
         """Return the temperature as it was."""
         return BoardTemperature(before.temperature_decidegc)
 
@@ -112,7 +112,7 @@ class SetInput(AxisHarm, operations.InputOperation):
     def __post_init__(self) -> None:
         operations.InputOperation.__post_init__(self)
 
-    def undo(self, before: "Surroundings") -> "SetInput":
+    def undo(self, before: "BoardEnvironment") -> "SetInput":
         """Return the sensor as it was."""
         return SetInput(self.axis, self.input, on=bool(before.axes[self.axis].levels & self.input))
 
@@ -169,7 +169,7 @@ class Payload(MachineHarm):
         if simulation.rotor_watch is not None:
             simulation.rotor_watch.load(self.payload_kg)
 
-    def undo(self, before: "Surroundings") -> "Payload":
+    def undo(self, before: "BoardEnvironment") -> "Payload":
         """Return the payload as it was."""
         return Payload(before.payload_kg)
 
@@ -205,7 +205,7 @@ class BrownOut(MachineHarm):
         """Switch the supply off, until the time has passed."""
         simulation.take_down(number, lambda board, now_counts: board.power_down(now_counts), self.for_ms)
 
-    def undo(self, _before: "Surroundings") -> "PowerUp":
+    def undo(self, _before: "BoardEnvironment") -> "PowerUp":
         """Return the power's return."""
         return PowerUp(self.axis)
 

@@ -9,7 +9,7 @@ from steptwin.features.faults.kinds.harm import AxisHarm, Key, KeyKind, keyed
 
 if TYPE_CHECKING:
     from steptwin.emulator.board.board import Board
-    from steptwin.emulator.board.surroundings import Surroundings
+    from steptwin.emulator.board.environment import BoardEnvironment
 
 _NOISY: Final = "noisy"
 _NOISE_KEYS: Final = (
@@ -67,7 +67,7 @@ class SetWire(AxisHarm):
         """Change the wire at the start of the next tick."""
         board.set_wire(self.axis, self.wire, self.condition)
 
-    def undo(self, _before: "Surroundings") -> "SetWire":
+    def undo(self, _before: "BoardEnvironment") -> "SetWire":
         """Return the whole wire."""
         return SetWire(self.axis, self.wire, WireState.WHOLE)
 

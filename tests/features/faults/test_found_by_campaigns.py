@@ -139,7 +139,7 @@ def test_a_repair_leaves_the_machine_as_it_was_before_the_first_fault(fast_kerne
     repair(boards[0])
     part = part_of(boards[0])
     assert part is not None
-    assert part.engine.target.surroundings.supply_10mv == 2400
+    assert part.engine.target.environment.supply_10mv == 2400
 
 
 def test_a_wait_ends_in_which_the_host_dies_before_its_next_heartbeat(fast_kernel: Kernel) -> None:

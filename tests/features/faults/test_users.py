@@ -136,9 +136,9 @@ def test_a_live_board_plays_a_scenario(fast_kernel: Kernel) -> None:
         wait(5)
     nodes = [node for each in board.live.simulation.boards for node in each.firmware.nodes]
     assert [node.drive.state for node in nodes] == [State.FAULT] * 4
-    assert board.surroundings.emergency_stop
+    assert board.environment.emergency_stop
     wait(20)
-    assert not board.surroundings.emergency_stop
+    assert not board.environment.emergency_stop
     document = board.report()
     assert document["scenario"] == {"name": "live", "seed": 0}
     first, later = document["faults"]

@@ -106,10 +106,10 @@ def test_a_tmc2209_is_free_when_its_enable_is_off_and_trips_again_while_it_lasts
 
 def test_surroundings_know_it_and_the_end_of_a_fault_repairs_it(fast_kernel: Kernel) -> None:
     machine = Machine(fast_kernel, "tmc2209", wired=True)
-    before = machine.board.surroundings
+    before = machine.board.environment
     harm = ShortCircuit(0, shorted=True)
     machine.simulation.operate(harm)
-    assert machine.board.surroundings.axes[0].shorted
+    assert machine.board.environment.axes[0].shorted
     assert harm.undo(before) == ShortCircuit(0, shorted=False)
 
 
