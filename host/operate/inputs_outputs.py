@@ -1,4 +1,4 @@
-"""Digital inputs and outputs by their names in the robot's file: at once, or while a trajectory runs."""
+"""Digital inputs and outputs by their names in the robot file: at once, or while a trajectory runs."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -23,13 +23,13 @@ from steptwin.protocol.cia402 import GENERAL_INPUTS, DigitalInput, DigitalOutput
 
 @dataclass(frozen=True, slots=True)
 class WaitMade:
-    """A wait of a motion that was executed.
+    """An executed wait of a motion.
 
     Attributes:
         input: name of the input.
-        on: the level that was waited for.
+        on: level for which the machine waited.
         at_s: time of the executed motion when the wait began.
-        stood_s: how long the machine stood, until it went on or the time-out ended the motion.
+        stood_s: duration of the standstill, until the machine continued or the time-out ended the motion.
         timed_out: True if the time-out ended the motion.
     """
 
@@ -41,9 +41,9 @@ class WaitMade:
 
 
 def waits_made(plan: Plan, holds_ms: Sequence[int], *, timed_out: bool = False) -> tuple[WaitMade, ...]:
-    """Return those waits of a plan that a machine came to, and how long it stood there.
+    """Return the waits of a plan that a machine has reached, with their durations.
 
-    `timed_out` tells whether the last of them has ended the motion.
+    `timed_out` is True if the last of them has ended the motion.
     """
     before_ms = accumulate(holds_ms, initial=0)
     made = [
@@ -55,7 +55,7 @@ def waits_made(plan: Plan, holds_ms: Sequence[int], *, timed_out: bool = False) 
 
 
 def waits_document(waits: Sequence[WaitMade]) -> dict[str, Any]:
-    """Return the waits under their key in the JSON document of a run, which has it only if there were waits.
+    """Return the waits under their key in the JSON document of a run; an empty document without waits.
 
     Only a wait that has timed out has the key `timed_out`.
     """
@@ -67,7 +67,7 @@ def waits_document(waits: Sequence[WaitMade]) -> dict[str, Any]:
 
 
 def wired_inputs(robot: Robot) -> dict[str, tuple[int, DigitalInput]]:
-    """Return the axis and the bit of every input in the robot's file."""
+    """Return the axis and the bit of every input in the robot file."""
     return {
         name: (robot.axis_index(sensor.joint), GENERAL_INPUTS[sensor.input - 1])
         for name, sensor in robot.inputs.items()
@@ -83,7 +83,7 @@ def wired_input(robot: Robot, name: str) -> tuple[int, DigitalInput]:
 
 
 def switches_of(robot: Robot, axis: int) -> dict[str, DigitalInput]:
-    """Return the switches that a joint has, by the names that requests give them."""
+    """Return the switches of a joint, by their names in requests."""
     fitted = robot.axes[axis].switches.inputs
     return {name: bit for name, bit in SWITCHES.items() if bit in fitted}
 
@@ -97,13 +97,13 @@ def read_inputs(session: Session) -> dict[str, bool]:
 
 
 def wired_outputs(robot: Robot) -> dict[str, tuple[int, DigitalOutput]]:
-    """Return the axis and the bit of every output in the robot's file."""
+    """Return the axis and the bit of every output in the robot file."""
     bits = tuple(DigitalOutput)
     return {name: (robot.axis_index(output.joint), bits[output.out - 1]) for name, output in robot.outputs.items()}
 
 
 def streamed_motion(plan: Plan) -> StreamedMotion:
-    """Return what is streamed of a plan; raise InputError if the machine does not stand still at one of its waits."""
+    """Convert a plan to a streamed motion; raise InputError if the machine is not at standstill at one of its waits."""
     outputs, inputs = wired_outputs(plan.robot), wired_inputs(plan.robot)
     commands = [
         OutputCommand(*outputs[each.output], each.on, each.from_s, each.on_the_way)
@@ -150,9 +150,9 @@ def no_such_output(robot: str, name: str, names: list[str]) -> InputError:
 
 
 def plan_made(plan: Plan, holds_ms: Sequence[int], *, timed_out: bool = False) -> Plan:
-    """Return what a machine has executed that stood still for these times at the first waits of a plan.
+    """Return the executed plan: the plan with the durations of its waits so far.
 
-    `timed_out` tells whether the last of them has ended the motion.
+    `timed_out` is True if the last of them has ended the motion.
     """
     if not holds_ms:
         return plan

@@ -1,4 +1,4 @@
-"""A motion with standstills put in: what a machine has done that waited for inputs on its way."""
+"""Motions with inserted standstills: the executed motion of a machine that has waited for inputs."""
 
 from bisect import bisect
 from collections.abc import Mapping
@@ -14,10 +14,10 @@ from steptwin.host.planning.trajectory import Switching, Trajectory, expected_of
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CutShort:
-    """The first part of a trajectory, up to an instant when it stands; implements Trajectory.
+    """The first part of a trajectory, up to a standstill; implements Trajectory.
 
     Attributes:
-        trajectory: the trajectory itself.
+        trajectory: the original trajectory.
         duration_s: duration of the part, a whole number of milliseconds.
     """
 
@@ -55,7 +55,7 @@ class CutShort:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Unwaited:
-    """A trajectory that waits for no input; implements Trajectory."""
+    """A trajectory without its waits for inputs; implements Trajectory."""
 
     trajectory: Trajectory
 
@@ -95,12 +95,12 @@ class Unwaited:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TimeSpan:
-    """A part of a trajectory that need not begin or end at rest; implements Trajectory.
+    """A time span of a trajectory, which need not begin or end at rest; implements Trajectory.
 
     Attributes:
-        trajectory: the trajectory itself.
-        from_s: where the part begins, a whole number of milliseconds.
-        until_s: where it ends, likewise.
+        trajectory: the original trajectory.
+        from_s: begin of the span, a whole number of milliseconds.
+        until_s: end of the span, a whole number of milliseconds.
     """
 
     trajectory: Trajectory
@@ -126,7 +126,7 @@ class TimeSpan:
 
     @property
     def switchings(self) -> tuple[Switching, ...]:
-        """None: they are the whole motion's."""
+        """No changes of outputs: they belong to the whole motion."""
         return ()
 
     def positions(self, t_s: FloatArray) -> FloatArray:
@@ -139,7 +139,7 @@ class TimeSpan:
 
 
 class Hold(NamedTuple):
-    """A standstill: the time of the original motion where it is put in, and its duration, in milliseconds."""
+    """An inserted standstill: time in the original motion, and duration, in milliseconds."""
 
     at_ms: int
     duration_ms: int
@@ -147,11 +147,11 @@ class Hold(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Held:
-    """A trajectory that stands still at some instants, where it rests anyway; implements Trajectory.
+    """A trajectory with standstills inserted at instants at which it is at rest; implements Trajectory.
 
     Attributes:
-        trajectory: the trajectory itself.
-        holds: the standstills, in order of time.
+        trajectory: the original trajectory.
+        holds: inserted standstills, in order of time.
     """
 
     trajectory: Trajectory
@@ -196,7 +196,7 @@ class Held:
         return self.trajectory.velocities(self._own_s(t_s))
 
     def _later_s(self, t_s: float) -> float:
-        """Return the time when an instant of the original motion comes; at a standstill, its end."""
+        """Convert a time of the original motion; at a standstill, to its end."""
         ms = 1000 * t_s
         return (ms + sum(hold.duration_ms for hold in self.holds if hold.at_ms <= ms)) / 1000
 
@@ -209,7 +209,7 @@ class Held:
         ]
 
     def _own_s(self, t_s: FloatArray) -> FloatArray:
-        """Return the times of the original motion, which stand during the standstills."""
+        """Convert times to the original motion, in which time does not advance during standstills."""
         stood_s = np.zeros_like(t_s)
         for begin_s, end_s in self._spans_s():
             stood_s += np.clip(t_s - begin_s, 0.0, end_s - begin_s)
