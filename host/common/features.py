@@ -234,12 +234,14 @@ class CommandRow(NamedTuple):
         group: one of `COMMAND_GROUPS`.
         help: its line in `steptwin --help`: the summary of its docstring.
         module: module of its function, which has the command's name, with `_` for `-`.
+        usual: False if `steptwin --help` lists only its name, because each group shows at most ten commands.
     """
 
     name: str
     group: str
     help: str
     module: str
+    usual: bool = True
 
 
 MakePart = Callable[["Robot", Sequence[float], Sequence[int], Any, Collection[str] | None], MachinePart | None]
