@@ -80,8 +80,8 @@ MUTATIONS: Final = (
     Mutation(PLANNER, "np.arange(-from_ms % point_ms", "np.arange(from_ms % point_ms", PLANNING),
     Mutation(PLANNER, "checks.check_peaks(looked.excess)", "", PLANNING),
     # --- shadow
-    Mutation(COMPARED, "DRIFT: Final = 100e-6", "DRIFT: Final = 1000e-6", SHADOW),
-    Mutation(COMPARED, "REST_STEPS: Final = 1.0", "REST_STEPS: Final = 2.0", SHADOW),
+    Mutation(COMPARED, "CLOCK_DRIFT: Final = 100e-6", "CLOCK_DRIFT: Final = 1000e-6", SHADOW),
+    Mutation(COMPARED, "STANDSTILL_TOLERANCE_STEPS: Final = 1.0", "STANDSTILL_TOLERANCE_STEPS: Final = 2.0", SHADOW),
 )
 
 

@@ -113,7 +113,7 @@ class FiltersInForce:
     def strike(
         self, frame: Frame, now_counts: int, had: Container[type[FrameFilter] | None] = ()
     ) -> FrameFilter | None:
-        """Return the filter that strikes an attempt to send, or None; filters of the classes `had` are skipped."""
+        """Return the filter that destroys an attempt to send, or None; filters of the classes in `had` are skipped."""
         for each in self.in_force:
             if type(each.filter) not in had and frame.cob_id in each.filter.cob_ids and self._chosen(each):
                 self.struck.append(Strike(now_counts, each.filter, frame))

@@ -1,4 +1,4 @@
-"""Play the hosts' frames of a running machine to a twin, by their time stamps, and compare what both do.
+"""Play the hosts' frames of a running machine to a twin, by their time stamps, and compare both.
 
 The twin is driven by the stamps, not by this computer's clock: how late frames arrive here does not matter. Where the
 stamps' clock steps, the twin goes on from where it is. A shadow has no way to send: it takes frames, and tells
@@ -12,7 +12,7 @@ from steptwin.controller.motion.backend import Kernel, fastest_kernel
 from steptwin.features.replay.power_up import MachineAtPowerUp
 from steptwin.features.replay.replaying import WallClockPlayer, machine_at
 from steptwin.features.shadow.asking import NodeValues
-from steptwin.features.shadow.axes import FOLLOW_S, ComparedAxis, DriveReport, TwinAxis
+from steptwin.features.shadow.axes import SAMPLE_S, ComparedAxis, DriveReport, TwinAxis
 from steptwin.features.shadow.discrepancy import Discrepancy, DiscrepancyKind, Sayings
 from steptwin.features.shadow.stamps import StampClock
 from steptwin.features.shadow.standing import PAST, stand
@@ -39,30 +39,30 @@ from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND, COUNTS_PER
 
 _BOOT_UP: Final = bytes((NmtState.INITIALISING,))
 _LOOK_COUNTS: Final = 10 * COUNTS_PER_MS
-"""Longest time between two looks at whether something has differed for long enough."""
-_FOLLOW_COUNTS: Final = round(FOLLOW_S * COUNTS_PER_SECOND)
+"""Longest time between two comparisons."""
+_FOLLOW_COUNTS: Final = round(SAMPLE_S * COUNTS_PER_SECOND)
 _FRAME_US: Final = 2_000
-"""More than a frame lasts: a host's frame begins so long before its stamp at the earliest."""
+"""More than the duration of a frame: a host's frame starts at most this long before its time stamp."""
 _BOOTED_COUNTS: Final = COUNTS_PER_SECOND
-"""Time within which boards have said their boot-ups after power-up."""
+"""Time after power-up within which all boards have sent their boot-up messages."""
 _AHEAD_COUNTS: Final = COUNTS_PER_MS
-"""Step by which the twin is let ahead."""
+"""Step in which the twin runs ahead of the time stamps."""
 _HEARTBEATS_COUNTS: Final = 50 * COUNTS_PER_MS
-"""Time between two heartbeats of a host while the twin is ahead."""
+"""Period of a host's repeated heartbeats while the twin runs ahead."""
 _JITTER_COUNTS: Final = 10 * COUNTS_PER_MS
-"""Time that a search may take longer by jitter at its begin and end, and by the PDO's inhibit time."""
+"""Time by which jitter and the PDO's inhibit time may lengthen a homing search."""
 _REST_AHEAD_COUNTS: Final = 20 * COUNTS_PER_MS
-"""Longest time by which the twin comes to rest later: a segment of a profile, and jitter."""
+"""Longest delay of the twin's stop: one segment of a profile, and jitter."""
 _AHEAD_MAX_COUNTS: Final = 120 * COUNTS_PER_SECOND
-"""Longest time for which a twin searches on that stood farther from its switch."""
+"""Longest time ahead in which a twin that stood farther from its switch may search it."""
 
 
 class ClockStep(NamedTuple):
     """A step of the stamps' clock.
 
     Attributes:
-        at_s: time after the step by that clock, in s.
-        step_s: by how much it has stepped; below 0 if it was put back.
+        at_s: time of that clock after the step, in s.
+        step_s: size of the step; negative if the clock was set back.
     """
 
     at_s: float
@@ -70,13 +70,13 @@ class ClockStep(NamedTuple):
 
 
 class Shadow:
-    """A twin beside a running machine; it knows where the machine begins by the boot-up of one of its nodes.
+    """A twin that follows a running machine; it starts at the boot-up of one of the machine's nodes.
 
     Attributes:
-        joined: True once it has begun.
-        frames: number of frames of the real board that were heard since.
-        caught_up_s: time by which the twin was let ahead to find its switches.
-        clock_steps: number of steps of the stamps' clock since.
+        joined: True after the start.
+        frames: number of the real board's frames since the start.
+        caught_up_s: time that the twin has run ahead of the time stamps to find its switches.
+        clock_steps: number of steps of the time stamps' clock since the start.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class Shadow:
 
         Args:
             robot: the machine.
-            power_up: how it stands at power-up; where it stands only matters until it is homed.
+            power_up: the machine's state at power-up; its position matters only until it is homed.
             tell: called with each discrepancy.
             kernel: form of the firmware's kernel; by default the fastest one that is installed.
             keep: True to keep the twin's frames, for its folder; they take some 100 bytes each.
@@ -124,13 +124,13 @@ class Shadow:
 
     @property
     def joined(self) -> bool:
-        """True once the machine's beginning was heard."""
+        """True once the machine's start was heard."""
         return self._player is not None
 
     def take_recording(self, frames: Iterable[RecordedFrame]) -> None:
-        """Take what was on the bus up to now, from power-up on; the frames that are heard next follow it closely.
+        """Take all frames on the bus from power-up until now; the next frame that is heard must follow at once.
 
-        No discrepancy in it is told.
+        Discrepancies in the recording are not reported.
         """
         self._muted = True
         last_us = 0
@@ -142,15 +142,15 @@ class Shadow:
         self._clock.end_recording(last_us)
 
     def take_standing(self, standing: Mapping[int, NodeValues], us: int, arrived_us: int | None = None) -> None:
-        """Begin with a machine at rest that has told how it stands.
+        """Start from the values that the nodes of a machine at rest have reported.
 
         Args:
-            standing: how each node stands, by its id.
-            us: stamp of the last answer, in microseconds.
-            arrived_us: when it came here, as in `hear`.
+            standing: each node's values, by node id.
+            us: time stamp of the last answer, in microseconds.
+            arrived_us: arrival of the last answer, as in `hear`.
 
         Raises:
-            InputError: the twin cannot stand so; the value is named.
+            InputError: the twin does not accept a value, which is named.
         """
         simulation = self.machine.simulation
         simulation.run_until(simulation.now_counts + _BOOTED_COUNTS)
@@ -165,13 +165,14 @@ class Shadow:
     def hear(self, us: int, frame: Frame, arrived_us: int | None = None) -> None:
         """Take the next frame on the machine's bus.
 
-        A stamp that is out of its time is told and taken for a step of the stamps' clock: back, ahead of what
-        `arrived_us` allows, or without that after more silence than a machine has. Call `pass_time` in true silence.
+        A stamp counts as a step of the time stamps' clock, which is reported, if it goes back, if it is further ahead
+        than `arrived_us` allows, or, without `arrived_us`, if it follows a longer silence than a machine has. Call
+        `pass_time` while the bus is really silent.
 
         Args:
             us: its stamp in microseconds, when it became valid.
             frame: the frame.
-            arrived_us: when it came here, by a clock that is never set, in microseconds.
+            arrived_us: its arrival here by a clock that is never set, in microseconds.
         """
         own_us = self._clock.hear(us, arrived_us, moving=self._twin_moves)
         if self._clock.step_us and self._player is not None:
@@ -184,7 +185,7 @@ class Shadow:
         self._hear(own_us, frame)
 
     def _hear(self, us: int, frame: Frame) -> None:
-        """Take the next frame at a time that never steps."""
+        """Take the next frame; its time never steps."""
         sender = self._identifiers.sender_of(frame) or Sender.HOST
         if self._player is None:
             if sender is not Sender.BOARD or not _is_boot_up(frame):
@@ -206,7 +207,7 @@ class Shadow:
         self._look(us)
 
     def pass_time(self, us: int) -> None:
-        """Let time pass up to an instant by the stamps' clock when nothing was heard."""
+        """Let time pass up to an instant of the time stamps' clock without a frame."""
         own_us = self._clock.pass_time(us)
         if own_us is not None:
             self._pass(own_us)
@@ -238,7 +239,7 @@ class Shadow:
         return WallClockPlayer(simulation, first_counts[0] - us * COUNTS_PER_US)
 
     def _pass_time(self, player: WallClockPlayer, us: int) -> None:
-        """Let the twin go on to an instant; look often enough at how fast its axes are."""
+        """Run the twin up to an instant, and sample the velocity of its axes often enough."""
         simulation, until_counts = self.machine.simulation, player.counts_of(us)
         while simulation.now_counts + _FOLLOW_COUNTS < until_counts:
             simulation.run_until(simulation.now_counts + _FOLLOW_COUNTS)
@@ -258,7 +259,7 @@ class Shadow:
         if base not in COB_TPDO:
             return
         dictionary = self._dictionaries[axis]
-        told = _told(dictionary, COB_TPDO.index(base), frame.data)
+        told = _drive_report(dictionary, COB_TPDO.index(base), frame.data)
         if told is None:
             return
         compared = self._axes[axis]
@@ -267,13 +268,13 @@ class Shadow:
         if of_board and compared.waits_for_the_twin:
             self._catch_up(axis, counts)
         if of_board and not rested and compared.board.rests:
-            self._let_rest(counts)
+            self._let_stop(counts)
         if of_board and told.position_units is not None:
-            for finding in compared.positions(counts, told.position_units, _twin_axis(dictionary)):
-                self._say(counts, axis, *finding)
+            for difference in compared.positions(counts, told.position_units, _twin_axis(dictionary)):
+                self._say(counts, axis, *difference)
 
     def _look(self, us: int) -> None:
-        """Tell what has differed for long enough; let the twin find a switch that the board has found."""
+        """Report what has differed for long enough; let the twin find a switch that the board has found."""
         assert self._player is not None
         now_counts = self._player.counts_of(us)
         if now_counts - self._looked_counts < _LOOK_COUNTS:
@@ -287,20 +288,19 @@ class Shadow:
         for axis, (compared, dictionary) in enumerate(zip(self._axes, self._dictionaries, strict=True)):
             now = _twin_axis(dictionary)
             compared.follow(now_counts, now)
-            for finding in (*compared.states(now_counts), *compared.homings()):
-                self._say(now_counts, axis, *finding)
+            for difference in (*compared.states(now_counts), *compared.homings()):
+                self._say(now_counts, axis, *difference)
 
     @property
     def _twin_moves(self) -> bool:
         return any(board.motion.running_axes for board in self.machine.simulation.boards)
 
     def _catch_up(self, axis: int, counts: int) -> None:
-        """Let the twin search on, while the board waits for its host: it stood nearer to its switch.
+        """Let the twin finish its homing search while the board, which stood nearer to its switch, waits for the host.
 
-        It does before the host's next frame, which might end the search. The stamps' clock, by which the board's frame
-        came at `counts`, is then so much later for the twin: else what the host sends in these ms would reach the twin
-        too late. Only where jitter makes the difference and another axis of the twin moves, that axis keeps its time
-        instead.
+        This happens before the host's next frame, which might end the search. The twin's time is then shifted against
+        the time stamps by the length of the search, so that later frames of the host do not reach the twin too late.
+        The shift is left out if the difference is only jitter and another axis of the twin moves.
         """
         assert self._player is not None
         compared, simulation = self._axes[axis], self.machine.simulation
@@ -314,9 +314,9 @@ class Shadow:
         self.caught_up_s += ahead_counts / COUNTS_PER_SECOND
 
     def _let_ahead(self, goes_on: Callable[[], bool], until_counts: int) -> None:
-        """Let the twin go ahead of the stamps up to an instant, as long as something goes on.
+        """Run the twin ahead of the time stamps while a condition holds, at most up to an instant.
 
-        Hosts' heartbeats go on meanwhile, since the twin watches them.
+        The hosts' heartbeats are repeated meanwhile, because the twin monitors them.
         """
         simulation = self.machine.simulation
         beaten_counts = simulation.now_counts
@@ -329,11 +329,11 @@ class Shadow:
             for compared, dictionary in zip(self._axes, self._dictionaries, strict=True):
                 compared.follow(simulation.now_counts, _twin_axis(dictionary))
 
-    def _let_rest(self, counts: int) -> None:
-        """Let the twin come to rest, where its profile ends a little later, before the host's next frame.
+    def _let_stop(self, counts: int) -> None:
+        """Let the twin finish a profile that ends a little later than the board's, before the host's next frame.
 
-        That may be for a drive that stands. The whole machine does, so the stamps' clock is so much later. If the twin
-        does not come to rest, it moves by what the host has sent since, and keeps its time.
+        That frame may require a drive at rest. The whole machine is at rest then, so the twin's time is shifted
+        against the time stamps. If the twin does not stop, it moves by a newer command and its time is not shifted.
         """
         assert self._player is not None
         later_s = max(compared.later_s for compared in self._axes)
@@ -364,7 +364,7 @@ def _forget(_frame: Frame, _counts: int) -> None:
 
 
 def _gives(frame: Frame) -> bool:
-    """Return whether a host's frame gives a node something: process data, or an SDO request that writes."""
+    """Return whether a host's frame writes to a node: process data, or an SDO download request."""
     base = frame.cob_id & ~NODE_ID_MAX
     writes = base == COB_SDO_REQUEST and bool(frame.data) and frame.data[0] >> 5 == DOWNLOAD_INITIATE
     return writes or base in COB_RPDO
@@ -374,8 +374,8 @@ def _is_boot_up(frame: Frame) -> bool:
     return frame.cob_id & ~NODE_ID_MAX == COB_HEARTBEAT and frame.data == _BOOT_UP
 
 
-def _told(dictionary: ObjectDictionary, number: int, data: bytes) -> DriveReport | None:
-    """Return what a TPDO tells of the drive, by the twin's mapping; None if the data are shorter than that."""
+def _drive_report(dictionary: ObjectDictionary, number: int, data: bytes) -> DriveReport | None:
+    """Return the drive's objects of a TPDO by the twin's mapping; None if the data are shorter than the mapping."""
     place = od.TPDO_MAPPING[number]
     words = [dictionary.get(od.address_of(place, i + 1)) for i in range(dictionary.get(od.address_of(place)))]
     mapping = tuple(word >> 8 for word in words)

@@ -36,7 +36,7 @@ EXAMPLE_PORT: Final = 29537
 
 
 class Stuck(StrEnum):
-    """Level at which a switch is stuck; a free one follows the machine."""
+    """Level at which a limit switch is stuck; a free switch follows the axis."""
 
     CLOSED = "closed"
     OPEN = "open"

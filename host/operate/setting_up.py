@@ -48,7 +48,7 @@ def set_up(machine: Machine, robot: Robot, start_units: list[int]) -> None:
 
 
 def objects_of(joint: Joint, board: BoardSettings, *, moves: bool) -> Objects:
-    """Return the entries of an axis that an operator moves: the drive holds its position after a quick stop.
+    """Return the object entries for an axis under an operator's control: it holds its position after a quick stop.
 
     For an axis that `moves`, they also reset target velocity and position limits of an earlier program.
     """

@@ -1,8 +1,8 @@
-"""The kind `chain`: 1 to 8 joints in a row, each turning or sliding, in one of three notations.
+"""The kind `chain`: a serial chain of 1 to 8 revolute or prismatic joints, in one of three notations.
 
-modified-dh    theta_deg, alpha_deg, d_mm, a_mm of each joint, as J. J. Craig has them: alpha and a before the joint
-standard-dh    the same four, alpha and a behind the joint
-urdf           xyz_mm, rpy_deg and axis of each joint: its place in the frame before it, and the axis there
+modified-dh    theta_deg, alpha_deg, d_mm, a_mm of each joint in J. J. Craig's notation: alpha and a before the joint
+standard-dh    the same four parameters with alpha and a behind the joint
+urdf           xyz_mm, rpy_deg and axis of each joint: its pose in the frame before it, and its axis in that frame
 """
 
 from collections.abc import Collection, Mapping
