@@ -253,7 +253,7 @@ class Feature:
     Attributes:
         name: name of the feature, of its table in robot files, of its key in report.json, of its file in run folders.
         needs: the features that it imports.
-        section: reads its table of a robot file.
+        section: returns the model of its table of a robot file: a `FileTable` that is a `RobotSection`.
         robot_tables: returns tables that belong to the file of a robot that StepTwin brings, by the robot's name.
         timer: returns what times motions as a whole: those with `law = "fastest"` or `blend_mm`.
         program_steps: returns what reads its steps of program files, by their verbs.
@@ -293,7 +293,7 @@ class Feature:
 
     name: str
     needs: Sequence[str] = ()
-    section: "Reading | None" = None
+    section: Callable[[], type[Any]] | None = None
     robot_tables: Callable[[str], str] | None = None
     timer: "Callable[[], MotionTimer] | None" = None
     program_steps: "Callable[[], Mapping[str, StepReading]] | None" = None

@@ -14,7 +14,7 @@ def _report_lines(document: Any) -> list[str]:
 
 FEATURE = Feature(
     name="wear",
-    section=lambda table, key: import_module(WEAR).WearSection.read(table, key),
+    section=lambda: import_module(WEAR).WearSection,
     part=lambda robot, *_: import_module(WEAR).WearPart(robot) if "wear" in robot.sections else None,
     judge=lambda: import_module(WEAR),
     report_lines=_report_lines,
