@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, fields
 from enum import Enum
 from functools import cache, lru_cache, partial
+from math import isnan
 from reprlib import repr as short
 from types import NoneType, UnionType
 from typing import Annotated, Any, ClassVar, Final, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -53,7 +54,8 @@ def read_model(model: type[Made], values: object, findings: Findings, known: obj
     """
     with findings.collecting():
         try:
-            made: Made = _adapter(model).validate_python(values, context=FileReading(findings, values, known))
+            hint: Any = model
+            made: Made = _adapter(hint).validate_python(values, context=FileReading(findings, values, known))
         except ValidationError as error:
             raise InputError(*(_text(each) for each in error.errors(include_url=False))) from error
         return made
@@ -239,10 +241,13 @@ def _unit_text(key: str) -> str:
 
 class _Unread(Enum):
     UNREAD = 0
+    MISSING = 1
 
 
 _UNREAD: Final = _Unread.UNREAD
-"""Stands for a value that could not be read, or a key that is missing."""
+"""Stands for a value that could not be read."""
+_MISSING: Final = _Unread.MISSING
+"""Stands for the value of a key that is missing and must be there."""
 
 
 def _of_key(key: str, hint: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -281,15 +286,24 @@ def _bounded(hint: Any) -> Any:
         return Annotated[tuple.__class_getitem__(tuple(map(_bounded, get_args(hint)))), Strict(False)]
     if get_origin(hint) is Annotated:
         kind, *validators = get_args(hint)
+        if any(isinstance(each, Within) for each in validators):
+            return hint
         return Annotated.__class_getitem__((_bounded(kind), *validators))
     return hint
 
 
+def _told(key: str, value: _Unread, reading: FileReading) -> _Unread:
+    """Say that a key is missing if it must be there."""
+    if value is _MISSING:
+        reading.findings.add(f"{key}: is missing")
+    return _UNREAD
+
+
 def _read_key(key: str, value: object, handler: Any, info: Any) -> object:
     """Return the value of a key; a wrong one adds its error to the findings."""
-    if value is _UNREAD:
-        return value
     reading: FileReading = info.context
+    if isinstance(value, _Unread):
+        return _told(key, value, reading)
     with reading.findings.collecting(f"{key}: "):
         try:
             with reading.under(f"{key}."):
@@ -301,9 +315,9 @@ def _read_key(key: str, value: object, handler: Any, info: Any) -> object:
 
 def _read_rows(key: str, value: object, handler: Any, info: Any) -> object:
     """Return the tables of a list; their places are such as `step 2`. Wrong ones are parts of their models."""
-    if value is _UNREAD:
-        return value
     reading: FileReading = info.context
+    if isinstance(value, _Unread):
+        return _told(key, value, reading)
     if isinstance(value, dict):
         reading.findings.add(f"{key}: is a table, not a list: begin each with [[{key}]], in two pairs of brackets")
         return _UNREAD
@@ -334,8 +348,9 @@ def _read_named(value: object, handler: Any, info: Any) -> object:
                 named |= {name: made for name, made in read.items() if made is not _UNREAD}
             except ValidationError as error:
                 for found in error.errors(include_url=False):
-                    within = [at for at in found["loc"][1:] if at != "[key]"]
-                    reading.findings.add(f"{shortened(name)}{_place({'loc': within})}: {_text(found)}")
+                    _, *within = found["loc"]
+                    place = "" if within == ["[key]"] else f"{shortened(name)}{_place({'loc': within})}: "
+                    reading.findings.add(f"{place}{_text(found)}")
     return named if named or not value else _UNREAD
 
 
@@ -366,10 +381,9 @@ def _keys_read(
         reading.findings.add(*(model.strange(key, value[key], keys) for key in strange))
         meant = {name for key in strange for name in nearest(key, keys)} - value.keys()
         missing = [str(each["loc"][0]) for each in error.errors() if each["type"] == "missing"]
-        if model.tells_missing(reading):
-            reading.findings.add(*(f"{key}: is missing" for key in missing if key not in meant))
         known = {key: value[key] for key in keys if key in value}
-        values = handler({**known, **dict.fromkeys([*meant, *missing], _UNREAD)})
+        told = _MISSING if model.tells_missing(reading) else _UNREAD
+        values = handler({**known, **dict.fromkeys(missing, told), **dict.fromkeys(meant, _UNREAD)})
     return values
 
 
@@ -409,6 +423,8 @@ def _text(error: Any) -> str:
         near = nearest(value, choices) if isinstance(value, str) else []
         meant = f": did you mean {' or '.join(near)}?" if near else ""
         return f"{short(value)} is not one of {', '.join(choices)}{meant}"
+    if error["type"] == "float_type" and type(value) is int:  # one of hundreds of digits
+        return _WORDS["finite_number"].format(short(value))
     if error["type"] in _WORDS:
         return _WORDS[error["type"]].format(short(value))
     return str(error["msg"])
@@ -455,7 +471,7 @@ class Within(Limit):
     def complaint(self, value: Any) -> str:
         """Return what is wrong with a number, with the nearest right one; nothing for one within the limits."""
         unit = f" {self.unit}" if self.unit else ""
-        if not abs(value) <= LARGEST:
+        if isnan(value) or abs(value) > LARGEST >= self.most:
             kind = "whole" if isinstance(value, int) else "finite"
             return f"{short(value)} is not a {kind} number up to {LARGEST:g}"
         if self.least < value <= self.most or (value == self.least and not self.open):
@@ -466,7 +482,8 @@ class Within(Limit):
         if self.most == LARGEST:
             return f"{value:g}{unit} is {f'below {self.least:g}{unit}' if self.least else 'negative'}"
         if isinstance(value, int):
-            return f"{value}{unit} is outside {self.least}..{self.most}{unit}"
+            limits = f"outside {self.least}..{self.most}{unit}" if unit else f"not from {self.least} to {self.most}"
+            return f"{value}{unit} is {limits}"
         near = nearest_within(value, self.least, self.most, self.unit).rstrip()
         return f"{outside(value, self.least, self.most, self.unit)}{near}"
 
@@ -507,22 +524,26 @@ class Name(Limit):
 
 @dataclass(frozen=True, slots=True)
 class Choice(Limit):
-    """Annotates a text that is one of some names; a message offers the nearest ones.
+    """Annotates a text or a whole number that is one of some; a message offers the nearest names, or all numbers.
 
     Attributes:
         what: what they are, such as `model`; empty where the key says it.
-        names: the names.
+        choices: the names or numbers.
     """
 
     what: str
-    names: tuple[str, ...]
+    choices: tuple[Any, ...]
 
     def complaint(self, value: Any) -> str:
-        """Return what to say of a text that is none of the names; nothing for one of them."""
-        return "" if value in self.names else str(unknown(self.what, value, self.names)).lstrip()
+        """Return what to say of a value that is none of the choices; nothing for one of them."""
+        if value in self.choices:
+            return ""
+        if isinstance(value, str):
+            return str(unknown(self.what, value, self.choices)).lstrip()
+        return f"{value} is not one of {', '.join(map(str, self.choices))}"
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return {**handler(schema), "enum": list(self.names)}
+        return {**handler(schema), "enum": list(self.choices)}
 
 
 def check_limits(settings: object) -> None:
@@ -633,4 +654,5 @@ def read_table(model: Any, value: object, reading: FileReading) -> Any:
 
 def table_schema(model: type[Any]) -> dict[str, Any]:
     """Return the JSON schema of a model as a part of another one."""
-    return _adapter(model).json_schema()
+    hint: Any = model
+    return _adapter(hint).json_schema()

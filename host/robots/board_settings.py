@@ -3,7 +3,7 @@
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Final, NamedTuple
 
 from pydantic import AfterValidator
 
@@ -128,7 +128,7 @@ def _modes(modes: Any) -> tuple[int, ...]:
 class DriverTable(DriverFigures, FileTable):
     """Figures of a driver's manual, for `driver_profile = "generic"` (docs/driver.md)."""
 
-    microsteps: Annotated[tuple[Literal[MICROSTEPS_CHOICES], ...], AfterValidator(_modes)]  # type: ignore[valid-type]
+    microsteps: Annotated[tuple[Annotated[int, Choice("", MICROSTEPS_CHOICES)], ...], AfterValidator(_modes)]
     steplen_ns: _FigureNs
     stepspace_ns: _FigureNs
     dirsetup_ns: _FigureNs
@@ -177,7 +177,7 @@ class BoardSettings(FileTable):
     dirsetup_ns: _DirNs
     dirhold_ns: _DirNs
     step_rate_max_hz: Positive
-    bitrate: Literal[tuple(BITRATES)] = DEFAULT_BITRATE  # type: ignore[valid-type]
+    bitrate: Annotated[int, Choice("", BITRATES)] = DEFAULT_BITRATE
     driver_profile: Annotated[str, Choice("", driver_names())] | None = None
     driver: Annotated[DriverFigures, DriverTable] | None = None
     current_a: float | None = None

@@ -4,9 +4,9 @@ The tables are models (`steptwin.host.common.file_models`): each is judged as fa
 depends on a wrong or missing value is not judged. So all that is wrong in a file is found at once.
 """
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, make_dataclass, replace
+from dataclasses import dataclass, field, fields, make_dataclass, replace
 from functools import cache, partial
 from reprlib import repr as short
 from typing import Annotated, Any, Final
@@ -80,7 +80,7 @@ class _Mechanism:
     """
 
     name: str = ""
-    dimensions: Mapping[str, Dimension] = field(default_factory=dict)
+    dimensions: dict[str, Dimension] = field(default_factory=dict)
     joints: Mapping[str, Unit] = field(default_factory=dict)
     dh: DhTable | None = None
 
@@ -102,7 +102,9 @@ def _read_mechanism(value: Any, reading: FileReading) -> _Mechanism:
         mechanism.joints = geometry.joints
     with suppress(UnreadError):
         mechanism.dh = geometry.dh
-    mechanism.dimensions = {key: getattr(geometry, key) for key in given if hasattr(type(geometry), key)}
+    for key in [each.name for each in fields(geometry) if each.name in given]:
+        with suppress(UnreadError):
+            mechanism.dimensions[key] = getattr(geometry, key)
     return mechanism
 
 
@@ -179,7 +181,7 @@ class JointTable(FileTable):
             if expected and "unit" in values:
                 check_unit(values.pop("unit"), expected)
         turns = {key: values.pop(key) for key in _TURN.values() if key in values}
-        motor = {key: values.pop(key) for key in ("full_steps_per_rev", "microsteps") if key in values}
+        motor: dict[str, Any] = {key: values.pop(key) for key in ("full_steps_per_rev", "microsteps") if key in values}
         for of_unit, key in _TURN.items():
             if of_unit is not unit and unit and turns.get(key) is not None:
                 reading.findings.add(f"{key}: is for a joint in {of_unit}; one in {unit} has {_TURN[unit]}")
@@ -284,21 +286,26 @@ class RobotFile(FileTable):
         return judged(Robot, {**values, "toml": ""}, reading.findings)
 
 
-def robot_model() -> type[RobotFile]:
+def robot_model() -> type[Any]:
     """Return the model of robot files, with the tables of the features that are installed."""
     return _with_sections(tuple((feature.name, section) for feature, section in giving("section")))
 
 
 @cache
-def _with_sections(sections: Any) -> type[RobotFile]:
-    own = []
-    for name, section in sections:
-        read = ReadBy(
-            lambda value, reading, section=section: read_table(section(), value, reading),
-            lambda section=section: table_schema(section()),
-        )
-        own.append((name, Annotated[Any, read], None))
+def _with_sections(sections: tuple[tuple[str, Callable[[], type[Any]]], ...]) -> type[Any]:
+    own = [
+        (name, Annotated[Any, ReadBy(partial(_read_section, model), partial(_section_schema, model))], None)
+        for name, model in sections
+    ]
     return make_dataclass("RobotFile", own, bases=(RobotFile,), frozen=True, namespace={"__doc__": RobotFile.__doc__})
+
+
+def _read_section(model: Callable[[], type[Any]], value: Any, reading: FileReading) -> Any:
+    return read_table(model(), value, reading)
+
+
+def _section_schema(model: Callable[[], type[Any]]) -> dict[str, Any]:
+    return table_schema(model())
 
 
 def _joint_names(file: Mapping[str, Any], mechanism: _Mechanism) -> tuple[str, ...]:

@@ -90,9 +90,9 @@ class _JointTable(FileTable):
     @classmethod
     def made_of(cls, values: dict[str, Any], reading: FileReading) -> ChainJoint:
         """Return the joint; raise UnreadError if it is not whole."""
-        joint = judged(
-            ChainJoint, {**dict.fromkeys(_FIELDS - cls.__dataclass_fields__.keys()), **values}, reading.findings
-        )
+        own: Any = cls
+        others = _FIELDS - {field.name for field in fields(own)}
+        joint = judged(ChainJoint, {**dict.fromkeys(others), **values}, reading.findings)
         for name in _FIELDS:
             getattr(joint, name)
         return joint
