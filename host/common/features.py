@@ -283,6 +283,7 @@ class Feature:
         drive_model: returns what it knows of drives, for planning; the first feature that has one is asked.
         requests: returns its requests of the control port.
         file_kinds: returns the kinds of its files for `steptwin check`.
+        schemas: returns what gives the model of each kind of its files, by the kind, for `steptwin schema`.
         run_options: returns a dataclass of options of `steptwin run`: a `RunHook`.
         verify_options: returns a dataclass of options of `steptwin verify`: an `OtherEvidence`.
         new_options: returns a dataclass of options of `steptwin new`: a `RobotSource`.
@@ -318,6 +319,7 @@ class Feature:
     drive_model: Callable[[], DriveModel] | None = None
     requests: Callable[[], ControlRequests] | None = None
     file_kinds: Callable[[], Sequence[FileKind]] | None = None
+    schemas: Callable[[], Mapping[str, Callable[[], type[Any]]]] | None = None
     run_options: Callable[[], type[Any]] | None = None
     verify_options: Callable[[], type[Any]] | None = None
     new_options: Callable[[], type[Any]] | None = None

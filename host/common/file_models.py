@@ -183,8 +183,9 @@ class FileTable:
         for field in fields(cls):  # type: ignore[arg-type]
             if field.name in made["properties"]:
                 each = made["properties"][field.name]
+                each.pop("title", None)
                 meaning = field.metadata.get("meaning") or described.get(field.name, "")
-                if told := " ".join(filter(None, (meaning, _unit_text(field.name)))):
+                if told := ". ".join(filter(None, (meaning.rstrip("."), _unit_text(field.name)))):
                     each["description"] = told
                 if isinstance(field.default, int | float | str) and field.default != "":
                     each["default"] = field.default
@@ -235,8 +236,8 @@ _UNITS: Final = {
 
 
 def _unit_text(key: str) -> str:
-    """Return a key's unit as a sentence; nothing without one."""
-    return next((f"Unit: {unit}." for end, unit in _UNITS.items() if key.endswith(end)), "")
+    """Return a key's unit in words; nothing without one."""
+    return next((f"Unit: {unit}" for end, unit in _UNITS.items() if key.endswith(end)), "")
 
 
 class _Unread(Enum):
@@ -471,7 +472,7 @@ class Within(Limit):
     def complaint(self, value: Any) -> str:
         """Return what is wrong with a number, with the nearest right one; nothing for one within the limits."""
         unit = f" {self.unit}" if self.unit else ""
-        if isnan(value) or abs(value) > LARGEST >= self.most:
+        if (isinstance(value, float) and isnan(value)) or abs(value) > LARGEST >= self.most:
             kind = "whole" if isinstance(value, int) else "finite"
             return f"{short(value)} is not a {kind} number up to {LARGEST:g}"
         if self.least < value <= self.most or (value == self.least and not self.open):

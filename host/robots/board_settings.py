@@ -316,7 +316,12 @@ OUTPUTS_PER_AXIS: Final = len(DigitalOutput)
 
 @dataclass(frozen=True, slots=True)
 class Output(FileTable):
-    """A digital output: the joint whose axis has it, and its number there, from 1 to OUTPUTS_PER_AXIS."""
+    """A digital output.
+
+    Attributes:
+        joint: the joint whose axis has it.
+        out: its number there.
+    """
 
     joint: str
     out: Annotated[int, Within(1, OUTPUTS_PER_AXIS)]
@@ -330,7 +335,12 @@ INPUTS_PER_AXIS: Final = len(GENERAL_INPUTS)
 
 @dataclass(frozen=True, slots=True)
 class Input(FileTable):
-    """A digital input: the joint whose axis has it, and its number there, from 1 to INPUTS_PER_AXIS."""
+    """A digital input.
+
+    Attributes:
+        joint: the joint whose axis has it.
+        input: its number there.
+    """
 
     joint: str
     input: Annotated[int, Within(1, INPUTS_PER_AXIS)]

@@ -211,7 +211,7 @@ def test_the_schema_has_descriptions_units_limits_and_defaults() -> None:
     assert (schema["required"], schema["additionalProperties"]) == (["name"], False)
     crate = schema["properties"]["crates"]["additionalProperties"]
     assert crate["description"] == "A crate that stands somewhere."
-    assert crate["properties"]["x_mm"]["description"] == "its ends along x. Unit: mm."
+    assert crate["properties"]["x_mm"]["description"] == "its ends along x. Unit: mm"
     assert crate["properties"]["load_kg"]["exclusiveMinimum"] == 0
     assert schema["properties"]["motor"]["enum"] == ["17HS19", "23HS22"]
     go, stay = schema["properties"]["step"]["items"]["oneOf"]
