@@ -39,7 +39,9 @@ def _robot_tables(robot: str) -> str:
 
 
 def _slots(table: "Table", key: str) -> tuple[str, ...]:
-    return tuple(str(text) for text in table.elements(key))
+    from steptwin.features.shelf.section import read_slots
+
+    return read_slots(table.elements(key))
 
 
 def _check_slots(robot: "Robot", _: str, slots: Sequence[str]) -> None:

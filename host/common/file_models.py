@@ -434,7 +434,7 @@ def _text(error: Any) -> str:
 # --- types of values
 
 
-class Limit:
+class ValueLimit:
     """Base of what annotates the type of a value that must keep a limit."""
 
     __slots__ = ()
@@ -454,7 +454,7 @@ class Limit:
 
 
 @dataclass(frozen=True, slots=True)
-class Within(Limit):
+class Within(ValueLimit):
     """Annotates a number that must be within limits.
 
     Attributes:
@@ -504,7 +504,7 @@ NotNegative = Annotated[float, Within(0.0)]
 
 
 @dataclass(frozen=True, slots=True)
-class Name(Limit):
+class Name(ValueLimit):
     """Annotates a text that is a name: printable, not empty, of a greatest length."""
 
     chars_max: int
@@ -524,7 +524,7 @@ class Name(Limit):
 
 
 @dataclass(frozen=True, slots=True)
-class Choice(Limit):
+class Choice(ValueLimit):
     """Annotates a text or a whole number that is one of some; a message offers the nearest names, or all numbers.
 
     Attributes:
@@ -556,18 +556,18 @@ def check_limits(settings: object) -> None:
     check_all(*(partial(_check_limit, settings, name, limit) for name, limit in _limits(model)))
 
 
-def _check_limit(settings: Any, name: str, limit: Limit) -> None:
+def _check_limit(settings: Any, name: str, limit: ValueLimit) -> None:
     value, default = getattr(settings, name), type(settings).__dataclass_fields__[name].default
     if value not in (None, default) and (text := limit.complaint(value)):
         raise InputError(f"{name}: {text}")
 
 
 @lru_cache(maxsize=100)
-def _limits(model: Any) -> list[tuple[str, Limit]]:
-    found: list[tuple[str, Limit]] = []
+def _limits(model: Any) -> list[tuple[str, ValueLimit]]:
+    found: list[tuple[str, ValueLimit]] = []
     for name, hint in get_type_hints(model, include_extras=True).items():
         for each in (hint, *get_args(hint)):  # of `Positive | None` as well
-            found += [(name, limit) for limit in getattr(each, "__metadata__", ()) if isinstance(limit, Limit)]
+            found += [(name, limit) for limit in getattr(each, "__metadata__", ()) if isinstance(limit, ValueLimit)]
     return found
 
 
