@@ -1,7 +1,7 @@
-"""Render what pages say of the emulated machine: docs/faults.md, docs/control-port.md and docs/machine-options.md.
+"""Render what pages say of the emulated machine and its runs.
 
-The first has an example, all faults and their documented reactions, the last the options on the command line and in
-Python.
+docs/faults.md has an example, all faults and their documented reactions, docs/control-port.md the requests,
+docs/machine-options.md the options on the command line and in Python, docs/run-folder.md the figures of reports.
 """
 
 import re
@@ -13,13 +13,14 @@ from docs.generate.commands import DOCS, GeneratedPage, session
 from docs.generate.markdown import table
 from docs.generate.paper_pages import PAPERS
 from steptwin.features.faults.judge import longest_ramp_ms
+from steptwin.features.faults.kinds import DOCUMENTED
 from steptwin.features.faults.reaction import Motion, Reaction
-from steptwin.features.faults.reactions import DOCUMENTED
-from steptwin.features.faults.requests import INJECTED, REQUESTS, does, keys_of, says, usage
+from steptwin.features.faults.requests import INJECTED, REQUESTS, description, keys_of, sentence, usage
 from steptwin.host.common.choices import STATE
 from steptwin.host.common.features import giving
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.machine.machine_options import SPELLING, MachineOptions
+from steptwin.host.verify.figures import axis_figures
 
 EXAMPLE: Final = DOCS / "examples" / "faults" / "carry.toml"
 MACHINE_PAGE: Final = DOCS / "machine-options.md"
@@ -28,13 +29,13 @@ _NOTICE: Final = "<!-- Made by `make docs` from host/twin/machine/machine_option
 _TEXT: Final = """# The emulated machine's options
 
 They say how an emulated machine differs from its robot's file, and what happens to it. Neither the plan nor the host is
-told. `steptwin run` and `steptwin serve` have them as options, and so has `steptwin replay`, but for a scenario and for
-motors. `execute`, `ServedBoard`, `BoardUnderTest` and `ServedBoardUnderTest` have them as keyword arguments
-([api.md](api.md)), the marker `steptwin` of tests as well ([ci.md](ci.md))."""
+told. `steptwin run` and `steptwin serve` take them as `--machine KEY=VALUE`, and so does `steptwin replay`, but for a
+scenario and for motors. `execute`, `ServedBoard`, `BoardUnderTest` and `ServedBoardUnderTest` have them as keyword
+arguments ([api.md](api.md)), the marker `steptwin` of tests as well ([ci.md](ci.md))."""
 _REMARKS: Final = """\
-`run` has no `--bitrate`: its option of that name is for a live board. Its `--motors` lets the motors turn after
-the run, by its record, and `--motors=loop` as it goes. In Python `stand_at` may also list all joints,
-`crystal_ppm` may be one number for all boards. Motors that turn in real time need numba.
+`-m` is short for `--machine`. `firmware`, `node` and `motors` are for served boards. `run` has its own option
+`--motors`: it lets the motors turn after the run, by its record, and `--motors=loop` as it goes. In Python `stand_at` may
+also list all joints, `crystal_ppm` may be one number for all boards. Motors that turn in real time need numba.
 
 The options of a feature are an object of a class of its own, in the list `extras`:
 `extras=[ShelfOptions(stock={"A1": "screws"})]`."""
@@ -48,7 +49,7 @@ def _requests() -> str:
                 ", ".join(f"`{key.name}`" for key in keys_of(do).values() if key.optional == optional) or "-"
                 for optional in (False, True)
             )
-            rows.append([f"`{do}`", needed, others, does(do)])
+            rows.append([f"`{do}`", needed, others, sentence(do)])
     return table(["`do`", "keys", "may also have", ""], rows, text_columns=4)
 
 
@@ -82,7 +83,7 @@ def _ramps() -> str:
 
 FAULTS_PAGE: Final = GeneratedPage(
     "faults",
-    "the table of reactions",
+    "the faults in features/faults/kinds/",
     {
         "example": lambda _: f"```toml\n{EXAMPLE.read_text(encoding='utf-8').strip()}\n```",
         "run": lambda arguments: session(f"run {arguments}"),
@@ -94,7 +95,7 @@ FAULTS_PAGE: Final = GeneratedPage(
 
 
 def _request_words() -> str:
-    rows = [[f"`{do} {usage(do)}`".replace(" `", "`"), does(do)] for do in INJECTED]
+    rows = [[f"`{do} {usage(do)}`".replace(" `", "`"), sentence(do)] for do in INJECTED]
     return table(["`inject ROBOT ...`", ""], rows, text_columns=2)
 
 
@@ -102,7 +103,8 @@ def _keys() -> str:
     rows = []
     for do in REQUESTS:
         keys = [
-            "; ".join(f"`{key.name}`: {says(key)}" for key in keys_of(do).values() if key.optional == optional) or "-"
+            "; ".join(f"`{key.name}`: {description(key)}" for key in keys_of(do).values() if key.optional == optional)
+            or "-"
             for optional in (False, True)
         ]
         rows.append([f"`{do}`", *keys])
@@ -111,8 +113,21 @@ def _keys() -> str:
 
 CONTROL_PORT_PAGE: Final = GeneratedPage(
     "control-port",
-    "the harms in features/faults/kinds/",
+    "the faults in features/faults/kinds/",
     {"words": lambda _: _request_words(), "keys": lambda _: _keys()},
+)
+
+
+def _figures() -> str:
+    rows = [
+        [f"`{key}`", figure.says, figure.unit or "-", "yes" if figure.exact else "-"]
+        for key, figure in axis_figures().items()
+    ]
+    return table(["key", "figure", "unit", "by the edges alone"], rows, text_columns=4)
+
+
+RUN_FOLDER_PAGE: Final = GeneratedPage(
+    "run-folder", "the figures in host/verify/figures.py", {"figures": lambda _: _figures()}
 )
 
 
@@ -126,12 +141,12 @@ def render_machine_options() -> str:
         for field in fields(made)
         if SPELLING in field.metadata
     ]
-    options = table(["option", "in Python", ""], own + of_features, text_columns=3)
+    options = table(["`--machine`", "in Python", ""], own + of_features, text_columns=3)
     return f"{_NOTICE}\n\n{_TEXT}\n\n{options}\n\n{_REMARKS}\n"
 
 
 def _row(field: Field[Any], in_python: str) -> list[str]:
     spelling = field.metadata[SPELLING]
     says = re.sub(r"\bdocs/([\w-]+\.md)", r"[\1](\1)", spelling.says)
-    option = f"`{spelling.option} {spelling.value}`".replace(" `", "`")
+    option = f"`{spelling.key}={spelling.value}`" if spelling.value else f"`{spelling.key}`"
     return [option, f"`{in_python.format(spelling.example)}`", says]

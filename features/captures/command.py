@@ -176,11 +176,11 @@ def _planned(options: CaptureOptions, plan: Path | None) -> "tuple[Robot, str, P
 
 
 def _of_words(words: list[str]) -> "tuple[Robot, str, Plan | None]":
-    from steptwin.host.cli.run.chosen_motion import FileOptions, SpeedOptions, choose_motion
+    from steptwin.host.cli.run.chosen_motion import choose_motion
     from steptwin.host.robots import load_robot
 
     robot = load_robot(words[0])
-    chosen = choose_motion(robot, words[1], {}, FileOptions(), SpeedOptions())
+    chosen = choose_motion(robot, words[1], {})
     return robot, f"capture of {chosen.job}", chosen.plan
 
 
@@ -197,12 +197,12 @@ def _keep(
 ) -> dict[str, Any]:
     """Write the folder of a run; return the document with its version."""
     from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, write_folder
-    from steptwin.host.record.folder.writing import can_draw, draw_here
+    from steptwin.host.record.folder.writing import can_draw, draw_pictures
 
     document = document | {VERSION_KEY: FOLDER_VERSION}
     write_folder(folder, document, motion, run.comparison.evidence, ())
     if pictures := can_draw():
-        draw_here(folder)
+        draw_pictures(folder)
     answer.add_files(
         "report, edges and pictures are" if pictures else "report and edges are", folder, pictures=pictures
     )

@@ -17,7 +17,7 @@ from steptwin.host.twin.machine.evidence import axes_by_own_clocks, axes_evidenc
 from steptwin.host.twin.machine.input_changes import InputChange, set_input
 from steptwin.host.twin.machine.machine_options import AS_FILED, MachineOptions
 from steptwin.host.verify import AxisEvidence, BusReport, Evidence
-from steptwin.host.verify.switching import output_changes
+from steptwin.host.verify.switching import output_edges
 from steptwin.protocol.drivers import DriverProfile
 from steptwin.protocol.frame import COB_SYNC, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -128,10 +128,8 @@ class EmbeddedBoard:
         """Return the instant of the last SYNC of the host in the bus log from an entry on; None if there is none."""
         bus = self._machine.bus
         log = zip(bus.log_counts[after:], bus.log_frames[after:], strict=True)
-        strange = {counts for counts, _ in self._machine.simulation.strange}
-        return max(
-            (counts for counts, frame in log if frame.cob_id == COB_SYNC and counts not in strange), default=None
-        )
+        rogue = {counts for counts, _ in self._machine.simulation.rogue_frames}
+        return max((counts for counts, frame in log if frame.cob_id == COB_SYNC and counts not in rogue), default=None)
 
     def operate(self, operation: Operation) -> None:
         """Do an operation on the machine now, such as EmergencyStop(pressed=True).
@@ -237,4 +235,4 @@ class EmbeddedBoard:
 
     def _evidence(self, axes: tuple[AxisEvidence, ...]) -> Evidence:
         start_counts = tick_after(self._last_sync_counts() or 0)
-        return Evidence(start_counts, axes, output_changes(self.robot, axes), self._machine.features_evidence())
+        return Evidence(start_counts, axes, output_edges(self.robot, axes), self._machine.features_evidence())

@@ -12,7 +12,7 @@ from steptwin.features.faults import NAME
 from steptwin.features.faults.kinds.host import HostFault, HostFaultKind
 from steptwin.features.faults.kinds.machine import EmergencyStop
 from steptwin.features.faults.options import FaultOptions
-from steptwin.features.faults.scenario import Fault, Scenario
+from steptwin.features.faults.scenario import Scenario, TriggeredFault
 from steptwin.features.faults.triggers import AtState, AtTime
 from steptwin.host.cli.app import run
 from steptwin.host.common.errors import InputError
@@ -40,7 +40,7 @@ def written(folder: Path, *faults: str) -> str:
 def test_verify_says_which_faults_a_run_had(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """What is wrong with a run may have been meant."""
     out = str(tmp_path / "out")
-    run(["run", "teaching-scara", "carry", "--faults", written(tmp_path, STOP, LATE), "--out", out])
+    run(["run", "teaching-scara", "carry", "--machine", f"faults={written(tmp_path, STOP, LATE)}", "--out", out])
     capsys.readouterr()
     assert run(["verify", out]) == 3
     printed = capsys.readouterr().out
@@ -81,15 +81,15 @@ def test_run_says_what_answered(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 def test_run_refuses_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = written(tmp_path, STOP.replace("estop", "estpo"))
-    assert run(["run", "teaching-scara", "carry", "--faults", path]) == 2
+    assert run(["run", "teaching-scara", "carry", "--machine", f"faults={path}"]) == 2
     assert capsys.readouterr().err == f"steptwin: {path}: fault 1: do 'estpo' is unknown: did you mean estop?\n"
-    assert run(["run", "teaching-scara", "carry", "--faults", path, "--connect", "127.0.0.1"]) == 2
-    assert "--faults: is for a run in virtual time" in capsys.readouterr().err
+    assert run(["run", "teaching-scara", "carry", "--machine", f"faults={path}", "--connect", "127.0.0.1"]) == 2
+    assert "--machine faults: is for a run in virtual time" in capsys.readouterr().err
     heavy = written(tmp_path, 'at_s = 0.1\ndo = "payload"\npayload_kg = 2.5\n')
-    assert run(["run", "teaching-scara", "carry", "--faults", heavy]) == 2
+    assert run(["run", "teaching-scara", "carry", "--machine", f"faults={heavy}"]) == 2
     assert capsys.readouterr().err == (
         "steptwin: 1 payload: payload_kg: 2.5 kg: only motors that turn with the board feel it:"
-        " run --motors=loop, serve --motors, or MotorOptions in a test\n"
+        " run --motors=loop, serve --machine motors, or MotorOptions in a test\n"
     )
 
 
@@ -106,7 +106,7 @@ def test_check_shows_the_faults(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 def test_a_live_board_plays_a_scenario(fast_kernel: Kernel) -> None:
     """Four axes on two boards: the button stops all of them when one is enabled, and is pulled out 20 ms later."""
-    stop = Fault("stop", AtState("th4", State.OPERATION_ENABLED), EmergencyStop(pressed=True), 0.02)
+    stop = TriggeredFault("stop", AtState("th4", State.OPERATION_ENABLED), EmergencyStop(pressed=True), 0.02)
     board = LiveBoard(
         ROBOT,
         fast_kernel,
@@ -114,7 +114,7 @@ def test_a_live_board_plays_a_scenario(fast_kernel: Kernel) -> None:
             axes_per_board=(2, 2),
             extras=[
                 FaultOptions(
-                    scenario=Scenario("live", (stop, Fault("later", AtTime(1.0), EmergencyStop(pressed=True))))
+                    scenario=Scenario("live", (stop, TriggeredFault("later", AtTime(1.0), EmergencyStop(pressed=True))))
                 )
             ],
             bitrate=1_000_000,
@@ -136,9 +136,9 @@ def test_a_live_board_plays_a_scenario(fast_kernel: Kernel) -> None:
         wait(5)
     nodes = [node for each in board.live.simulation.boards for node in each.firmware.nodes]
     assert [node.drive.state for node in nodes] == [State.FAULT] * 4
-    assert board.surroundings.emergency_stop
+    assert board.environment.emergency_stop
     wait(20)
-    assert not board.surroundings.emergency_stop
+    assert not board.environment.emergency_stop
     document = board.report()
     assert document["scenario"] == {"name": "live", "seed": 0}
     first, later = document["faults"]
@@ -148,7 +148,7 @@ def test_a_live_board_plays_a_scenario(fast_kernel: Kernel) -> None:
 
 
 def test_a_live_board_has_no_host_of_its_own(fast_kernel: Kernel) -> None:
-    dying = Scenario("dying", (Fault("it", AtTime(1), HostFault(HostFaultKind.DEATH)),))
+    dying = Scenario("dying", (TriggeredFault("it", AtTime(1), HostFault(HostFaultKind.DEATH)),))
     with refusing(InputError):
         LiveBoard(ROBOT, fast_kernel, MachineOptions(extras=[FaultOptions(scenario=dying)]))
 
