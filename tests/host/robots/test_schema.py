@@ -17,7 +17,7 @@ from steptwin.host.robots.reader import robot_model
 
 SCHEMA: Final = json_schema(robot_model())
 
-TYPES: Final[Mapping[str, tuple[type, ...]]] = {
+TYPES: Final[Mapping[str, Any]] = {
     "object": (dict,),
     "array": (list,),
     "string": (str,),
