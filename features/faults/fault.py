@@ -114,7 +114,7 @@ class Keys:
 
 
 @cache
-def _by_field(fault: type["Fault"]) -> dict[str, Keys]:
+def _by_field(fault: Any) -> dict[str, Keys]:
     keys = {}
     for each in fields(fault):
         given = getattr(each.type, "__metadata__", (Key(),))[0]  # of Annotated; else one key with the field's name
