@@ -5,7 +5,7 @@ from collections.abc import Callable
 from types import FrameType
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.planning.trajectory import Switching, Trajectory
+from steptwin.host.planning.trajectory import OutputChange, Trajectory
 
 
 def function_calls(call: Callable[[], object]) -> int:
@@ -49,8 +49,8 @@ class CountingTrajectory:
         return self._inner.breakpoints_s
 
     @property
-    def switchings(self) -> tuple[Switching, ...]:
-        return self._inner.switchings
+    def output_changes(self) -> tuple[OutputChange, ...]:
+        return self._inner.output_changes
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         self.instants += len(t_s)

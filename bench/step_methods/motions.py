@@ -12,7 +12,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.trajectory import Switching, Trajectory
+from steptwin.host.planning.trajectory import OutputChange, Trajectory
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.host.robots.robot import Robot
@@ -112,7 +112,7 @@ class Sines:
     peak_hz: float
     duration_s: float
     breakpoints_s: tuple[float, ...] = ()
-    switchings: tuple[Switching, ...] = ()
+    output_changes: tuple[OutputChange, ...] = ()
 
     @property
     def joint_names(self) -> tuple[str, ...]:

@@ -3,7 +3,13 @@
 from docs.generate.command_line import COMMAND_LINE_PAGE, render_command_line
 from docs.generate.drawer_pull_film import write_drawer_pull_film
 from docs.generate.driver_page import DRIVER_PAGE, write_driver_pictures
-from docs.generate.machine_pages import CONTROL_PORT_PAGE, FAULTS_PAGE, MACHINE_PAGE, render_machine_options
+from docs.generate.machine_pages import (
+    CONTROL_PORT_PAGE,
+    FAULTS_PAGE,
+    MACHINE_PAGE,
+    RUN_FOLDER_PAGE,
+    render_machine_options,
+)
 from docs.generate.motion_pictures import write_motion_pictures
 from docs.generate.paper_pages import write_papers
 from docs.generate.pictures import (
@@ -29,6 +35,7 @@ def main() -> None:
     MACHINE_PAGE.write_text(render_machine_options(), encoding="utf-8")
     PROTOCOL_PAGE.write()
     ROBOT_FILES_PAGE.write()
+    RUN_FOLDER_PAGE.write()
     write_robot_drawings()
     runs = Runs()
     PAGE.write_text(render_robots(runs), encoding="utf-8")

@@ -1,7 +1,7 @@
-"""Render what pages say of the emulated machine: docs/faults.md, docs/control-port.md and docs/machine-options.md.
+"""Render what pages say of the emulated machine and its runs.
 
-The first has an example, all faults and their documented reactions, the last the options on the command line and in
-Python.
+docs/faults.md has an example, all faults and their documented reactions, docs/control-port.md the requests,
+docs/machine-options.md the options on the command line and in Python, docs/run-folder.md the figures of reports.
 """
 
 import re
@@ -20,6 +20,7 @@ from steptwin.host.common.choices import STATE
 from steptwin.host.common.features import giving
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.machine.machine_options import SPELLING, MachineOptions
+from steptwin.host.verify.figures import axis_figures
 
 EXAMPLE: Final = DOCS / "examples" / "faults" / "carry.toml"
 MACHINE_PAGE: Final = DOCS / "machine-options.md"
@@ -114,6 +115,19 @@ CONTROL_PORT_PAGE: Final = GeneratedPage(
     "control-port",
     "the faults in features/faults/kinds/",
     {"words": lambda _: _request_words(), "keys": lambda _: _keys()},
+)
+
+
+def _figures() -> str:
+    rows = [
+        [f"`{key}`", figure.says, figure.unit or "-", "yes" if figure.exact else "-"]
+        for key, figure in axis_figures().items()
+    ]
+    return table(["key", "figure", "unit", "by the edges alone"], rows, text_columns=4)
+
+
+RUN_FOLDER_PAGE: Final = GeneratedPage(
+    "run-folder", "the figures in host/verify/figures.py", {"figures": lambda _: _figures()}
 )
 
 

@@ -10,7 +10,8 @@ from docs.generate.paper_pages import PAPERS
 from docs.generate.runs import Runs
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded.outcome import Outcome
-from steptwin.host.verify.report import AxisReport, Report
+from steptwin.host.verify.figures import AxisReport
+from steptwin.host.verify.report import Report
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +71,7 @@ def _tool(report: Report, sampled: PaperSamples | None) -> str:
 
 def _outputs(report: Report) -> list[str]:
     switched = [
-        f"{output.name} {'on' if output.on else 'off'} at {output.changed_s:.3f} s" for output in report.outputs
+        f"{output.output} {'on' if output.on else 'off'} at {output.changed_s:.3f} s" for output in report.outputs
     ]
     return [f"outputs: {', '.join(switched)}"] if switched else []
 

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from steptwin.features.campaigns.margins import MARGINS
+from steptwin.features.campaigns.margins import all_margins
 from steptwin.features.campaigns.row import Row
 from steptwin.features.campaigns.summary import PassRate, Summary
 from steptwin.host.common.arrays import BoolArray, FloatArray
@@ -47,7 +47,7 @@ class _MarginSeries:
     """The values of a parameter and, run by run, those of each margin; NaN for one that a run does not tell."""
 
     values: "array[float]" = field(default_factory=lambda: array("d"))
-    margins: "dict[str, array[float]]" = field(default_factory=lambda: {name: array("d") for name in MARGINS})
+    margins: "dict[str, array[float]]" = field(default_factory=lambda: {name: array("d") for name in all_margins()})
     passed: "array[int]" = field(default_factory=lambda: array("b"))
 
     def add(self, value: float, row: Row) -> None:
@@ -139,7 +139,7 @@ def _draw_margins(parameter: str, series: _MarginSeries, title: str) -> Figure:
         axes.axhline(0.0, color=LIMIT, linestyle="--", linewidth=0.8)
         axes.set_ylabel(name)
         axes.set_ylim(max(min(0.0, float(margin[there].min())), _BEYOND) - 0.03, 1.03)
-        said = f"{MARGINS[name].what}; {np.count_nonzero(there):,} runs"
+        said = f"{all_margins()[name].what}; {np.count_nonzero(there):,} runs"
         axes.set_title(said + (f", {beyond:,} below the lower edge" if beyond else ""), loc="left", size=8)
         axes.grid(color="0.9")
     figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower left", ncols=3, fontsize=8)

@@ -1,7 +1,8 @@
 """What is left to each limit in a run: 1 all of it, 0 nothing, below 0 beyond it."""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from functools import partial
 from math import isfinite
 from typing import Final
 
@@ -11,8 +12,8 @@ from steptwin.features.campaigns.trial import Trial
 from steptwin.features.faults.report import FaultReport, report_in
 from steptwin.features.motors.turning import MotorVerdict
 from steptwin.host.twin.embedded.outcome import Outcome
-from steptwin.host.verify import AxisEvidence, Report, threshold_tolerance_steps
-from steptwin.host.verify.report import AxisReport
+from steptwin.host.verify import AxisEvidence, Report
+from steptwin.host.verify.figures import FigureLimit, declared_figures, figure_values
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,25 +102,17 @@ def _least(values: Iterable[float | None]) -> float | None:
     return min((value for value in values if value is not None and isfinite(value)), default=None)
 
 
-def _axes(performance: Performance, of: Callable[[AxisReport], float | None]) -> float | None:
+def _of_figure(limit: FigureLimit, performance: Performance) -> float | None:
     """Return the least of all axes in a run that made what was planned: otherwise the plan tells nothing."""
-    if performance.ended is not Ended.DONE or performance.report is None or performance.unknowable:
+    report, robot = performance.report, performance.trial.setup.robot
+    if performance.ended is not Ended.DONE or report is None or performance.unknowable:
         return None
-    return _least(of(axis) for axis in performance.report.axes)
-
-
-def _threshold(performance: Performance) -> float | None:
-    microsteps = {joint.name: joint.transmission.microsteps for joint in performance.trial.setup.robot.axes}
-
-    def of(axis: AxisReport) -> float:
-        return 1 - axis.threshold_error_steps_max / threshold_tolerance_steps(microsteps[axis.name])
-
-    return _axes(performance, of)
-
-
-def _step_rate(performance: Performance) -> float | None:
-    limit_hz = performance.trial.setup.robot.board.driver_rate_max_hz
-    return _axes(performance, lambda axis: 1 - axis.peak_rate_hz / limit_hz)
+    return _least(
+        1 - value / limit.of(robot, axis)
+        for figure, values in figure_values([asdict(axis) for axis in report.axes], report.features)
+        if figure.limit is not None and figure.limit.name == limit.name
+        for axis, value in enumerate(values.values())
+    )
 
 
 def _bus(performance: Performance) -> float | None:
@@ -149,15 +142,15 @@ def _load_angle(performance: Performance) -> float | None:
 _SLIPS_DEG: Final = 180.0
 """Electrical angle at which a rotor slips (docs/motors.md)."""
 
-MARGINS: Final[Mapping[str, Margin]] = {
-    "threshold": Margin(
-        "largest error of a step's threshold, of 0.0075 steps",
-        _threshold,
-    ),
-    "step rate": Margin("highest step rate, of the board's highest", _step_rate),
+_OTHERS: Final[Mapping[str, Margin]] = {
     "bus": Margin("load of the bus", _bus),
     "standstill": Margin("time to standstill after a fault, of the documented time", _standstill),
     "torque": Margin("torque needed, of the motor's pull-out torque", _torque),
     "load angle": Margin("greatest load angle, of the 180 degrees at which a rotor slips", _load_angle),
 }
-"""The margins by name, in the order of reports."""
+
+
+def all_margins() -> dict[str, Margin]:
+    """Return the margins by name, in the order of reports: first those of figures of the axes."""
+    limits = [figure.limit for figure in reversed(declared_figures()) if figure.limit]
+    return {limit.name: Margin(limit.says, partial(_of_figure, limit)) for limit in limits} | dict(_OTHERS)

@@ -81,7 +81,7 @@ class Row:
         breaches: those that did not hold, the gravest first.
         parameters: every number that was drawn, by name.
         choices: every other value that was drawn, by name.
-        margins: what was left to each limit, 1 all of it and 0 nothing, by the names in `margins.MARGINS`.
+        margins: what was left to each limit, 1 all of it and 0 nothing, by the names in `margins.all_margins`.
         duration_s: duration of the planned motion.
         simulated_s: simulated time of the whole run.
         wall_s: time that it took.

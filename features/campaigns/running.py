@@ -8,7 +8,7 @@ from functools import cache
 
 from steptwin.features.campaigns.campaign import Campaign
 from steptwin.features.campaigns.invariants import asked_of, breaches_of
-from steptwin.features.campaigns.margins import MARGINS, Claim, Performance
+from steptwin.features.campaigns.margins import Claim, Performance, all_margins
 from steptwin.features.campaigns.recovery import recover, steps_off
 from steptwin.features.campaigns.row import Breach, Ended, Row, split_parameters
 from steptwin.features.campaigns.trial import Trial, draw
@@ -144,7 +144,7 @@ def _by_own_clocks(trial: Trial, board: EmbeddedBoard, outcome: Outcome | None) 
 
 def row_of(run: Performance) -> Row:
     """Return the row of a run, without the time that it took."""
-    margins = {name: margin.of(run) for name, margin in MARGINS.items()}
+    margins = {name: margin.of(run) for name, margin in all_margins().items()}
     return replace(
         _row(run.trial, run.ended, run.message),
         codes=_codes(run),

@@ -8,7 +8,7 @@ from math import sqrt
 from typing import Any, Final, NamedTuple
 
 from steptwin.features.campaigns.invariants import INVARIANTS
-from steptwin.features.campaigns.margins import MARGINS
+from steptwin.features.campaigns.margins import all_margins
 from steptwin.features.campaigns.row import Ended, Row
 
 _Z: Final = 1.959963984540054
@@ -228,7 +228,7 @@ class _Tally:
             groups={kind: dict(sorted(self.rates[kind].items())) for kind in ("robots", "motions", "scenarios")},
             invariants={name: asked[name] for name in INVARIANTS if name in asked},
             struck=dict(sorted(self.rates["struck"].items())),
-            worst=tuple(self.worst[name] for name in MARGINS if name in self.worst),
+            worst=tuple(self.worst[name] for name in all_margins() if name in self.worst),
             causes=tuple(sorted(causes, key=lambda cause: (-cause.runs, cause.text))),
             refused=dict(self.refused.most_common()),
             codes=dict(sorted(self.codes.items())),

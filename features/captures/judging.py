@@ -16,8 +16,8 @@ from steptwin.features.captures.capture import Capture
 from steptwin.features.captures.channel_map import AxisSignals, ChannelMap, wired
 from steptwin.features.captures.drivers_seen import ONE_CLOCK, Reading, Seen, at_active_edges, drivers_of, see
 from steptwin.features.captures.limits_read import Kept, LimitAnswer
-from steptwin.host.common.arrays import FloatArray, Int8Array, Int64Array
-from steptwin.host.planning.trajectory import Switching, Trajectory
+from steptwin.host.common.arrays import Int8Array, Int64Array
+from steptwin.host.planning.trajectory import DerivedTrajectory, OutputChange, Trajectory
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import (
     BusReport,
@@ -33,7 +33,7 @@ from steptwin.host.verify import (
 )
 from steptwin.host.verify.clock_fit import ClockFit, fit_clock
 from steptwin.host.verify.clock_line import SeenSteps
-from steptwin.host.verify.counted import pulse_facts
+from steptwin.host.verify.figures import clk_high_us_min, clk_low_us_min, peak_rate_hz, reversals
 from steptwin.host.verify.gates import TOLERANCE_STEPS
 from steptwin.host.verify.net_counts import WHOLE_STEPS
 from steptwin.host.verify.oracle import ideal_steps
@@ -64,39 +64,14 @@ class CaptureJudge:
     currents: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class OutputsLeftOut:
-    """A motion whose outputs nobody has recorded; implements Trajectory."""
-
-    motion: Trajectory
+@dataclass(frozen=True, slots=True, eq=False)
+class OutputsLeftOut(DerivedTrajectory):
+    """A motion whose outputs nobody has recorded."""
 
     @property
-    def joint_names(self) -> tuple[str, ...]:
-        """The motion's joints."""
-        return self.motion.joint_names
-
-    @property
-    def duration_s(self) -> float:
-        """The motion's duration."""
-        return self.motion.duration_s
-
-    @property
-    def breakpoints_s(self) -> tuple[float, ...]:
-        """The motion's breakpoints."""
-        return self.motion.breakpoints_s
-
-    @property
-    def switchings(self) -> tuple[Switching, ...]:
+    def output_changes(self) -> tuple[OutputChange, ...]:
         """None."""
         return ()
-
-    def positions(self, t_s: FloatArray) -> FloatArray:
-        """Return the motion's positions."""
-        return self.motion.positions(t_s)
-
-    def velocities(self, t_s: FloatArray) -> FloatArray:
-        """Return the motion's velocities."""
-        return self.motion.velocities(t_s)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -361,20 +336,18 @@ class AloneRun:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answer for JSON."""
-        axes = []
-        for axis in self.evidence.axes:
-            facts = pulse_facts(axis)
-            axes.append(
-                {
-                    "name": axis.name,
-                    "pulses": facts.pulses,
-                    "steps": int(axis.step_signs.sum()),
-                    "reversals": facts.reversals,
-                    "peak_rate_hz": facts.peak_rate_hz,
-                    "clk_high_us_min": facts.clk_high_us_min,
-                    "clk_low_us_min": facts.clk_low_us_min,
-                }
-            )
+        axes = [
+            {
+                "name": axis.name,
+                "pulses": axis.clk_rise_counts.size,
+                "steps": int(axis.step_signs.sum()),
+                "reversals": reversals(axis),
+                "peak_rate_hz": peak_rate_hz(axis),
+                "clk_high_us_min": clk_high_us_min(axis),
+                "clk_low_us_min": clk_low_us_min(axis),
+            }
+            for axis in self.evidence.axes
+        ]
         captured = _facts(self.capture, self.wiring, self.signals, self.seen)
         captured["hints"] = list(self.hints)
         verdict = {"passed": self.passed, "reasons": list(self.reasons)}

@@ -59,7 +59,7 @@ def fastest_again(robot: Robot, motion: Trajectory, drives: DriveLimits | None =
         InputError: the motion lasts more than an hour, changes an output on its way, or the motors do not manage it.
     """
     check_length("the motion", whole_ms("the duration", motion.duration_s))
-    if any(change.on_the_way for change in motion.switchings):
+    if any(change.on_the_way for change in motion.output_changes):
         raise InputError(f"law={FASTEST}: the motion changes outputs on its way; a program's own steps can do both")
     made = _Made(robot, motion, drives)
     for part in _parts(motion):
@@ -71,7 +71,7 @@ def fastest_again(robot: Robot, motion: Trajectory, drives: DriveLimits | None =
         tuple(made.starts_ms),
         tuple(
             replace(change, from_s=made.new_s(change.from_s), until_s=made.new_s(change.until_s))
-            for change in motion.switchings
+            for change in motion.output_changes
         ),
         tuple(replace(wait, at_s=made.new_s(wait.at_s)) for wait in waits_of(motion)),
         expected_of(motion),
@@ -140,7 +140,7 @@ class _Made:
     def _is_held(self) -> bool:
         """Whether the payload hangs at the tool in the next part; without an output that takes it, it always does."""
         held_by = self.robot.dynamics.payload_held_by if self.robot.dynamics else ""
-        before = [each for each in self.motion.switchings if 1000 * each.from_s <= self.old_ms[-1]]
+        before = [each for each in self.motion.output_changes if 1000 * each.from_s <= self.old_ms[-1]]
         own = [each.on for each in before if each.output == held_by]
         return not held_by or (bool(own) and own[-1])
 

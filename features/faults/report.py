@@ -9,6 +9,7 @@ from steptwin.features.faults import NAME
 from steptwin.features.faults.reaction import Reaction
 from steptwin.host.cli.output import Columns, fixed, print_rows, say
 from steptwin.host.client.words import state_text
+from steptwin.host.common.tables import Table
 from steptwin.protocol.cia402 import State
 
 
@@ -210,6 +211,22 @@ def print_served(document: Mapping[str, Any]) -> None:
     """Print a row for each fault of a live board, on which no plan says what is right; nothing without a scenario."""
     if "scenario" in document:
         print_rows({**_COLUMNS, "strikes": "{0[strikes]}"}, document["faults"], text_columns=_TEXTS)
+
+
+def kept(report: Table) -> dict[str, Any]:
+    """Return the faults of a stored report with their names and first strikes; none for a run without a scenario."""
+    return {"faults": list(report.each("faults", _kept_fault))} if "faults" in report else {}
+
+
+def _kept_fault(table: Table) -> dict[str, Any]:
+    return {"name": table.text("name"), "struck_s": None if table.is_null("struck_s") else table.number("struck_s")}
+
+
+def print_verified(document: Mapping[str, Any]) -> None:
+    """Print which faults a run had, and when they struck: what is wrong with it may have been meant."""
+    for fault in document.get("faults", ()):
+        struck = "never struck" if fault["struck_s"] is None else f"struck at {fault['struck_s']:.3f} s"
+        say(f"fault on purpose: {fault['name']}, {struck}")
 
 
 def served_failure(document: Mapping[str, Any]) -> str:

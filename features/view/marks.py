@@ -11,7 +11,7 @@ import numpy as np
 from steptwin.host.client.words import error_words, state_words
 from steptwin.host.common.arrays import Int64Array
 from steptwin.host.record.bus_log import read_frames
-from steptwin.host.verify import AxisEvidence, DriverViolations, OutputChange
+from steptwin.host.verify import AxisEvidence, DriverViolations, OutputEdge
 from steptwin.protocol.cia402 import State
 from steptwin.protocol.frame import COB_EMCY, COB_TPDO, FIRST_NODE_ID
 from steptwin.protocol.objects import ENTRIES, TPDO_DEFAULTS
@@ -76,7 +76,7 @@ def _stretches(counts: Int64Array) -> Iterator[slice]:
         first = end
 
 
-def output_marks(changes: tuple[OutputChange, ...]) -> Iterator[RunMark]:
+def output_marks(changes: tuple[OutputEdge, ...]) -> Iterator[RunMark]:
     """Yield a mark for each change of an output."""
     for change in changes:
         word = "on" if change.level else "off"

@@ -24,7 +24,7 @@ from steptwin.host.record.recorded_machine import RecordedMachine
 from steptwin.host.record.waveforms import Changes, Signal, phases, pins, whole_record
 from steptwin.host.robots.kinematics import Role
 from steptwin.host.robots.poses import Task
-from steptwin.host.verify.switching import output_changes
+from steptwin.host.verify.switching import output_edges
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 PATH_INSTANTS: Final = 2001
@@ -172,7 +172,7 @@ class Replay:
         run = read_run(folder, plan_folder, counts_suffice=True)
         evidence, recording = run.comparison.evidence, run.report.recording
         marks = [mark for axis in evidence.axes for mark in violation_marks(axis)]
-        marks += output_marks(output_changes(run.robot, evidence.axes))
+        marks += output_marks(output_edges(run.robot, evidence.axes))
         frames = recording.mark.frames if recording else None
         marks += bus_marks(existing_file(folder, BUS_LOG), run.robot.axis_names, frames)
         return cls(run, marks)

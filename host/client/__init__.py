@@ -5,16 +5,15 @@ from steptwin.host.client.axis_homing import HomingSettings
 from steptwin.host.client.links import Link
 from steptwin.host.client.machine import Machine, Progress, object_dictionary
 from steptwin.host.client.stream import Stream, StreamedMotion
-from steptwin.host.client.waits import InputWait, OutputCommand
+from steptwin.host.client.waits import MachineWiring
 
 __all__ = [
     "AxisClient",
     "AxisSettings",
     "HomingSettings",
-    "InputWait",
     "Link",
     "Machine",
-    "OutputCommand",
+    "MachineWiring",
     "Progress",
     "Stream",
     "StreamedMotion",

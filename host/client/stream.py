@@ -9,9 +9,10 @@ from steptwin.host.client.links import Link
 from steptwin.host.client.queue_feed import QueueFeed, TrajectoryTime, fill
 from steptwin.host.client.reports import check_enabled, check_faults
 from steptwin.host.client.waiting import POLL_S, REPLY_TIMEOUT_S, require
-from steptwin.host.client.waits import InputWait, OutputCommand, OutputSchedule, Waits, divide
+from steptwin.host.client.waits import MachineWiring, OutputSchedule, Waits, divide
 from steptwin.host.common.arrays import AxisRecords
 from steptwin.host.common.errors import BusError, DeviceFaultError
+from steptwin.host.planning.trajectory import OutputChange, Wait
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, PVT_SUBMODE, QUICK_STOP, Control, Mode, State, Status
 from steptwin.protocol.frame import COB_SYNC
@@ -24,16 +25,18 @@ class StreamedMotion(NamedTuple):
     Attributes:
         records: those of each axis; the records of all axes have the same durations.
         start_units: where the axes must stand, in wire units.
-        outputs: outputs to switch on the way.
+        outputs: changes of outputs on the way.
         waits: waits for inputs, in order of time; the axes stand still until each input has its level.
+        wiring: where these inputs and outputs are.
         highest_percent: highest speed at which programs may let the axes execute the records, in percent of the planned
             one; the boards refuse the records unless their step rates allow it.
     """
 
     records: tuple[AxisRecords, ...]
     start_units: list[int]
-    outputs: tuple[OutputCommand, ...] = ()
-    waits: tuple[InputWait, ...] = ()
+    outputs: tuple[OutputChange, ...] = ()
+    waits: tuple[Wait, ...] = ()
+    wiring: MachineWiring = MachineWiring({}, {})
     highest_percent: int = 100
 
 
@@ -78,17 +81,17 @@ class Stream:
             if motion.highest_percent > 100:  # that of a queue that is clear is 100 %
                 axis.write(od.GROUP_RATE_HIGHEST_Q16, od.rate_q16(motion.highest_percent))
         legs = divide(motion.records, motion.outputs, motion.waits)
-        self.waits: Waits = Waits(axes, motion.waits, legs)
+        self.waits: Waits = Waits(axes, motion.wiring, motion.waits, legs)
         self._feeds = [QueueFeed(axis, own, link.now_s()) for axis, own in zip(axes, legs[0].records, strict=True)]
         fed_ms = self.waits.feed_first(self._feeds)
         # full queues leave the bus to the questions that outputs on the way need, from the start on
-        promptly = any(command.promptly for command in motion.outputs)
+        promptly = any(change.on_the_way for change in motion.outputs)
         self._least_records = min(QUEUE_DEPTH if promptly else _PRELOAD_RECORDS, len(fed_ms))
         require(link, self._preloaded, "the queues of the motion do not fill", _PRELOAD_TIMEOUT_S)
         self._start_together()
         now_s = link.now_s()
         self._reached = TrajectoryTime(fed_ms, now_s, motion.highest_percent)
-        self._schedule = OutputSchedule(axes, legs[0].outputs, self._reached)
+        self._schedule = OutputSchedule(axes, motion.wiring, legs[0].outputs, self._reached)
         self._seen = axes[0].pvt_status
         self._progress_s = now_s
         self._progress_at_s = 0.0

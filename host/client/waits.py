@@ -12,7 +12,8 @@ standstill in it. The records already sent when the input gets its level are exe
 """
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from itertools import accumulate, pairwise
 from math import ceil
 from typing import Final, NamedTuple
@@ -21,21 +22,16 @@ from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.queue_feed import QueueFeed, TrajectoryTime
 from steptwin.host.common.arrays import AxisRecords
 from steptwin.host.common.errors import WaitTimeoutError
+from steptwin.host.planning.trajectory import OutputChange, Wait
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, DigitalOutput
 
 
-class OutputCommand(NamedTuple):
-    """Switch one output of one axis `from_s` seconds after the motion's start, in trajectory time.
+class MachineWiring(NamedTuple):
+    """Where a machine's inputs and outputs are wired, by their names: the number of the axis, and the bit there."""
 
-    `promptly` tells that the machine moves meanwhile: the board is asked each millisecond then.
-    """
-
-    axis: int
-    output: DigitalOutput
-    on: bool
-    from_s: float
-    promptly: bool = False
+    inputs: Mapping[str, tuple[int, DigitalInput]]
+    outputs: Mapping[str, tuple[int, DigitalOutput]]
 
 
 _PROMPT_S: Final = 0.001
@@ -45,23 +41,28 @@ _AGE_S: Final = 0.02
 
 
 class OutputSchedule:
-    """The output commands of one run; each is sent when it is due, and the motion does not wait for it."""
+    """The changes of outputs of one run; each is commanded when it is due, and the motion does not wait for it."""
 
     def __init__(
-        self, axes: tuple[AxisClient, ...], commands: tuple[OutputCommand, ...], reached: TrajectoryTime
+        self,
+        axes: tuple[AxisClient, ...],
+        wiring: MachineWiring,
+        changes: Iterable[OutputChange],
+        reached: TrajectoryTime,
     ) -> None:
         self._axes = axes
-        self._pending = deque(sorted(commands, key=lambda command: command.from_s))
+        self._wired = wiring.outputs
+        self._pending = deque(sorted(changes, key=lambda change: change.from_s))
         self._reached = reached
 
-    def add(self, commands: Iterable[OutputCommand]) -> None:
-        """Add commands, in order of time, that are all later than those before."""
-        self._pending.extend(commands)
+    def add(self, changes: Iterable[OutputChange]) -> None:
+        """Add changes, in order of time, that are all later than those before."""
+        self._pending.extend(changes)
 
     @property
     def is_prompt(self) -> bool:
         """Whether the next output must change promptly."""
-        return bool(self._pending) and self._pending[0].promptly
+        return bool(self._pending) and self._pending[0].on_the_way
 
     def times_to_look(self, now_s: float, dt_s: float) -> int:
         """Return how often to look within a time: more than once if an output must change promptly, then or soon."""
@@ -69,12 +70,13 @@ class OutputSchedule:
         return ceil(dt_s / _PROMPT_S) if due else 1
 
     def tend(self, now_s: float) -> None:
-        """Send every command that is due by now."""
+        """Command every change that is due by now."""
         while self._pending and has_come(
-            self._pending[0].from_s, self._reached, self._axes[0], now_s, _AGE_S if self._pending[0].promptly else 0.0
+            self._pending[0].from_s, self._reached, self._axes[0], now_s, _AGE_S if self._pending[0].on_the_way else 0.0
         ):
-            command = self._pending.popleft()
-            self._axes[command.axis].switch_output(command.output, on=command.on)
+            change = self._pending.popleft()
+            axis, output = self._wired[change.output]
+            self._axes[axis].switch_output(output, on=change.on)
 
 
 def has_come(t_s: float, reached: TrajectoryTime, axis: AxisClient, now_s: float, age_s: float = 0.0) -> bool:
@@ -87,41 +89,17 @@ def has_come(t_s: float, reached: TrajectoryTime, axis: AxisClient, now_s: float
     return reached.least_s >= t_s
 
 
-class InputWait(NamedTuple):
-    """Stand still until an input of an axis has a level, or until the time-out ends the motion.
-
-    Attributes:
-        axis: number of the axis that has the input.
-        input: bit of the input in the digital inputs (60FDh).
-        on: the level to wait for: True is active.
-        at_s: time of the trajectory when the machine stands, where one record ends and the next begins.
-        timeout_s: longest wait, in trajectory time.
-        timeout_text: message of the error after the time-out.
-        title: what is waited for, in words.
-    """
-
-    axis: int
-    input: DigitalInput
-    on: bool
-    at_s: float
-    timeout_s: float
-    timeout_text: str
-    title: str = ""
-
-
 class Leg(NamedTuple):
-    """Part of a trajectory between two waits: the records of each axis and the output commands within it.
+    """Part of a trajectory between two waits: the records of each axis and the changes of outputs within it.
 
     Output times count from the trajectory's start, without the time that the waits before have taken.
     """
 
     records: tuple[AxisRecords, ...]
-    outputs: tuple[OutputCommand, ...]
+    outputs: tuple[OutputChange, ...]
 
 
-def divide(
-    records: tuple[AxisRecords, ...], outputs: Sequence[OutputCommand], waits: Sequence[InputWait]
-) -> tuple[Leg, ...]:
+def divide(records: tuple[AxisRecords, ...], outputs: Sequence[OutputChange], waits: Sequence[Wait]) -> tuple[Leg, ...]:
     """Return the legs of a trajectory: one more than it has waits.
 
     Raises:
@@ -136,7 +114,7 @@ def divide(
     return tuple(
         Leg(
             tuple(AxisRecords(*(fields[begin:end] for fields in own)) for own in records),
-            tuple(command for command in outputs if after_ms < round(1000 * command.from_s) <= until_ms),
+            tuple(change for change in outputs if after_ms < round(1000 * change.from_s) <= until_ms),
         )
         for (begin, end), (after_ms, until_ms) in zip(pairwise(cuts), pairwise(limits_ms), strict=True)
     )
@@ -151,9 +129,12 @@ LEAD_MS: Final = 250
 class Waits:
     """The waits of one stream: releases a leg's records and outputs when the wait before it is over."""
 
-    def __init__(self, axes: tuple[AxisClient, ...], waits: Sequence[InputWait], legs: Sequence[Leg]) -> None:
+    def __init__(
+        self, axes: tuple[AxisClient, ...], wiring: MachineWiring, waits: Sequence[Wait], legs: Sequence[Leg]
+    ) -> None:
         """Prepare the waits; `legs` are the trajectory's, one more than waits."""
         self._axes = axes
+        self._wired = wiring.inputs
         self._waits = tuple(waits)
         self._legs = tuple(legs)
         self._over = 0
@@ -176,7 +157,7 @@ class Waits:
         return tuple(self._holds_ms[: self._over + 1])
 
     @property
-    def present(self) -> InputWait | None:
+    def present(self) -> Wait | None:
         """The wait at the end of the records that are released so far; None after the last one."""
         return self._waits[self._over] if self._over < len(self._waits) and not self.timed_out else None
 
@@ -199,7 +180,8 @@ class Waits:
             return
         begin_s = self._begin_ms / 1000
         if has_come(begin_s, reached, self._axes[0], now_s):
-            if bool(self._axes[wait.axis].read(od.DIGITAL_INPUTS) & wait.input) is wait.on:
+            axis, bit = self._wired[wait.input]
+            if bool(self._axes[axis].read(od.DIGITAL_INPUTS) & bit) is wait.on:
                 self.standing = ""
                 self._release(feeds, reached, schedule)
                 return
@@ -218,7 +200,7 @@ class Waits:
     def check_end(self) -> None:
         """Raise WaitTimeoutError if the stream has ended at a wait whose time-out has passed."""
         if self.timed_out:
-            raise WaitTimeoutError(self._waits[self._over].timeout_text)
+            raise WaitTimeoutError(self._waits[self._over].timeout_message)
 
     def _release(self, feeds: Sequence[QueueFeed], reached: TrajectoryTime, schedule: OutputSchedule) -> None:
         """Release the leg after the present wait."""
@@ -231,4 +213,4 @@ class Waits:
         durations_ms = leg.records[0].durations_ms
         reached.extend(durations_ms)
         self._begin_ms += sum(durations_ms)
-        schedule.add(command._replace(from_s=command.from_s + held_s) for command in leg.outputs)
+        schedule.add(replace(change, from_s=change.from_s + held_s) for change in leg.outputs)

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from steptwin.host.twin.machine.emulated_machine import EmulatedMachine
     from steptwin.host.twin.machine.machine_options import MachineOptions
     from steptwin.host.verify.comparison import Comparison
+    from steptwin.host.verify.figures import Figure, SeenAxis
     from steptwin.protocol.drivers import DriverProfile
 
 GROUP: Final = "steptwin.features"
@@ -217,6 +218,14 @@ class Telling(Protocol):
         """Print it for a served board."""
         ...
 
+    def print_verified(self, document: Mapping[str, Any]) -> None:
+        """Print it for a stored run that was verified again."""
+        ...
+
+    def kept(self, report: "Table") -> Mapping[str, Any]:
+        """Return what verifying a stored run again keeps of its report, by key; raise InputError for what is wrong."""
+        ...
+
     def served_failure(self, document: Mapping[str, Any]) -> str:
         """Return why a served board's end is no success; empty if it is one."""
         ...
@@ -281,6 +290,8 @@ class Feature:
             for which the motion waits (None: unknown); None if the machine has no such part.
         expected: returns what a motion is planned to leave, from robot, trajectory and options; None for nothing.
         judge: returns the judge of its evidence.
+        figures: returns its figures of an axis, by key: they stand in its part of report.json under `axes`, and have
+            columns and limits as those of the core.
         live: returns what it says of a served board.
         drive_model: returns what it knows of drives, for planning; the first feature that has one is asked.
         requests: returns its requests of the control port.
@@ -316,6 +327,7 @@ class Feature:
     part: MakePart | None = None
     expected: "Callable[[Robot, Trajectory, Any], Any] | None" = None
     judge: "Callable[[], FeatureJudge] | None" = None
+    figures: "Callable[[], Mapping[str, Figure[SeenAxis]]] | None" = None
     live: Callable[[], LiveWords] | None = None
     drive_model: Callable[[], DriveModel] | None = None
     requests: Callable[[], ControlRequests] | None = None

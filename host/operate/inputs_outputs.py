@@ -1,69 +1,41 @@
 """Digital inputs and outputs by their names in the robot's file: at once, or while a trajectory runs."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from itertools import accumulate
 from typing import Any
 
-import numpy as np
-
-from steptwin.host.client import InputWait, OutputCommand, StreamedMotion
-from steptwin.host.client.waits import HOLD_MS
+from steptwin.host.client import StreamedMotion
+from steptwin.host.client.waits import HOLD_MS, MachineWiring
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.choices import SWITCHES
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.session import Session
 from steptwin.host.planning.motions.held import Hold
 from steptwin.host.planning.plan import Plan
-from steptwin.host.planning.trajectory import PlannedWait, waits_of
+from steptwin.host.planning.trajectory import Wait, waits_of
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import GENERAL_INPUTS, DigitalInput, DigitalOutput
 
 
-@dataclass(frozen=True, slots=True)
-class WaitMade:
-    """A wait of a motion that was executed.
-
-    Attributes:
-        input: name of the input.
-        on: the level that was waited for.
-        at_s: time of the executed motion when the wait began.
-        stood_s: how long the machine stood, until it went on or the time-out ended the motion.
-        timed_out: True if the time-out ended the motion.
-    """
-
-    input: str
-    on: bool
-    at_s: float
-    stood_s: float
-    timed_out: bool = False
-
-
-def waits_made(plan: Plan, holds_ms: Sequence[int], *, timed_out: bool = False) -> tuple[WaitMade, ...]:
+def waits_made(plan: Plan, holds_ms: Sequence[int], *, timed_out: bool = False) -> tuple[Wait, ...]:
     """Return those waits of a plan that a machine came to, and how long it stood there.
 
     `timed_out` tells whether the last of them has ended the motion.
     """
     before_ms = accumulate(holds_ms, initial=0)
     made = [
-        WaitMade(wait.input, wait.on, (round(1000 * wait.at_s) + later_ms) / 1000, hold_ms / 1000)
+        replace(wait, at_s=(round(1000 * wait.at_s) + later_ms) / 1000, stood_s=hold_ms / 1000)
         for wait, hold_ms, later_ms in zip(waits_of(plan.trajectory), holds_ms, before_ms, strict=False)
         if hold_ms
     ]
     return (*made[:-1], replace(made[-1], timed_out=True)) if timed_out else tuple(made)
 
 
-def waits_document(waits: Sequence[WaitMade]) -> dict[str, Any]:
-    """Return the waits under their key in the JSON document of a run, which has it only if there were waits.
-
-    Only a wait that has timed out has the key `timed_out`.
-    """
-    documents = [asdict(wait) for wait in waits]
-    for document in documents:
-        if not document["timed_out"]:
-            del document["timed_out"]
-    return {"waits": documents} if documents else {}
+def waits_document(waits: Sequence[Wait]) -> dict[str, Any]:
+    """Return the waits under their key in the JSON document of a run, which has it only if there were waits."""
+    return {"waits": [wait.to_dict() for wait in waits]} if waits else {}
 
 
 def wired_inputs(robot: Robot) -> dict[str, tuple[int, DigitalInput]]:
@@ -104,23 +76,12 @@ def wired_outputs(robot: Robot) -> dict[str, tuple[int, DigitalOutput]]:
 
 def streamed_motion(plan: Plan) -> StreamedMotion:
     """Return what is streamed of a plan; raise InputError if the machine does not stand still at one of its waits."""
-    outputs, inputs = wired_outputs(plan.robot), wired_inputs(plan.robot)
-    commands = [
-        OutputCommand(*outputs[each.output], each.on, each.from_s, each.on_the_way)
-        for each in plan.trajectory.switchings
-    ]
-    waits = [
-        InputWait(
-            *inputs[wait.input],
-            wait.on,
-            _standstill_s(plan, wait),
-            wait.timeout_s,
-            _timeout_text(wait),
-            wait.input if wait.on else f"{wait.input} to go off",
-        )
-        for wait in waits_of(plan.trajectory)
-    ]
-    return StreamedMotion(plan.records(), plan.start_units, tuple(commands), tuple(waits))
+    waits, standing_ms = waits_of(plan.trajectory), plan.times_ms[~plan.velocities.any(axis=1)]
+    for wait in waits:
+        if round(1000 * wait.at_s) not in standing_ms:
+            raise InputError(f"{wait.where}the machine does not stand at t = {wait.at_s:.3f} s to wait for {wait}")
+    wiring = MachineWiring(wired_inputs(plan.robot), wired_outputs(plan.robot))
+    return StreamedMotion(plan.records(), plan.start_units, plan.trajectory.output_changes, waits, wiring)
 
 
 def read_outputs(session: Session) -> dict[str, bool]:
@@ -160,19 +121,3 @@ def plan_made(plan: Plan, holds_ms: Sequence[int], *, timed_out: bool = False) -
     holds = [Hold(round(1000 * wait.at_s), ms) for wait, ms in zip(waits, holds_ms, strict=False)]
     held = plan.held(holds, HOLD_MS)
     return held.until(holds[-1].at_ms + sum(holds_ms)) if timed_out else held
-
-
-def _standstill_s(plan: Plan, wait: PlannedWait) -> float:
-    at_ms = round(1000 * wait.at_s)
-    stands = (plan.times_ms == at_ms) & ~plan.velocities.any(axis=1)
-    if not np.any(stands):
-        raise InputError(f"{_place(wait)}the machine does not stand at t = {wait.at_s:.3f} s to wait for {wait}")
-    return wait.at_s
-
-
-def _timeout_text(wait: PlannedWait) -> str:
-    return f"{_place(wait)}the input {wait.input} was not {'on' if wait.on else 'off'} within {wait.timeout_s:g} s"
-
-
-def _place(wait: PlannedWait) -> str:
-    return f"{wait.place}: " if wait.place else ""

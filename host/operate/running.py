@@ -11,10 +11,11 @@ from steptwin.host.client import Machine, Progress
 from steptwin.host.client.reports import check_enabled, check_faults
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import giving
-from steptwin.host.operate.inputs_outputs import WaitMade, plan_made, streamed_motion, waits_document, waits_made
+from steptwin.host.operate.inputs_outputs import plan_made, streamed_motion, waits_document, waits_made
 from steptwin.host.operate.moving import move_within
 from steptwin.host.operate.session import MachineCharge, Session
 from steptwin.host.planning.plan import PLANNED_PERCENT, Plan, highest_speed
+from steptwin.host.planning.trajectory import Wait
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
 END_ERROR_STEPS_MAX: Final = 0.5 + 1 / 16
@@ -47,7 +48,7 @@ class LiveOutcome:
     start: list[float]
     end: list[float]
     wall_s: float
-    waits: tuple[WaitMade, ...] = ()
+    waits: tuple[Wait, ...] = ()
     """The waits for inputs; the plan is what was executed, with the standstills in it."""
 
     @property

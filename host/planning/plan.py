@@ -11,7 +11,7 @@ import numpy as np
 from steptwin.host.common.arrays import AxisRecords, Int64Array
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import drive_model
-from steptwin.host.planning.motions.held import CutShort, Held, Hold
+from steptwin.host.planning.motions.held import Held, Hold, TimeSpan
 from steptwin.host.planning.peaks import Peak, Quantity
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
@@ -129,7 +129,7 @@ class Plan:
         count = int(at[0]) + 1
         return replace(
             self,
-            trajectory=CutShort(self.trajectory, end_ms / 1000),
+            trajectory=TimeSpan(self.trajectory, 0.0, end_ms / 1000),
             times_ms=self.times_ms[:count],
             points_units=self.points_units[:count],
             velocities=self.velocities[:count],

@@ -11,15 +11,17 @@ REST_TOLERANCE: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Switching:
-    """A change of a digital output during a motion.
+class OutputChange:
+    """A change of a digital output during a motion: as it is planned, and in a report as it was made.
 
     Attributes:
         output: name of the output in the robot file.
         on: its new level.
         from_s: time of the motion from which the output may change.
         until_s: time by which it must have changed.
-        on_the_way: True if the machine moves meanwhile, so that a place is meant.
+        on_the_way: True if the machine moves meanwhile, so that a place is meant; a stored report does not tell.
+        changed_s: time of the change on the board; None if the board did not make it.
+        already: True if the output had this level already, so that nothing was to change.
     """
 
     output: str
@@ -27,11 +29,25 @@ class Switching:
     from_s: float
     until_s: float
     on_the_way: bool = False
+    changed_s: float | None = None
+    already: bool = False
+
+    @property
+    def in_time(self) -> bool:
+        """True if the output changed between `from_s` and `until_s`, or had nothing to change."""
+        return self.already or (self.changed_s is not None and self.from_s <= self.changed_s <= self.until_s)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the change under the keys of report.json."""
+        window = {"name": self.output, "on": self.on, "from_s": self.from_s, "until_s": self.until_s}
+        return window | {"changed_s": self.changed_s, "already": self.already}
 
 
 @dataclass(frozen=True, slots=True)
-class PlannedWait:
-    """A standstill amid a motion that lasts until a digital input has a level; the plan counts it as no time.
+class Wait:
+    """A standstill amid a motion that lasts until a digital input has a level.
+
+    A plan counts it as no time. Of a motion that was executed, `at_s` is that motion's own time.
 
     Attributes:
         input: name of the input in the robot file.
@@ -39,6 +55,8 @@ class PlannedWait:
         at_s: time of the motion when the machine stands and begins to wait, a whole number of milliseconds.
         timeout_s: time after which a wait without the level ends the motion.
         place: where the wait is written, such as `step 3`; may be empty.
+        stood_s: how long the machine stood, until it went on or the time-out ended the motion; 0 in a plan.
+        timed_out: True if the time-out ended the motion.
     """
 
     input: str
@@ -46,9 +64,31 @@ class PlannedWait:
     at_s: float
     timeout_s: float
     place: str = ""
+    stood_s: float = 0.0
+    timed_out: bool = False
 
     def __str__(self) -> str:
         return f"{self.input} {'on' if self.on else 'off'}"
+
+    @property
+    def title(self) -> str:
+        """What the machine waits for, in words."""
+        return self.input if self.on else f"{self.input} to go off"
+
+    @property
+    def timeout_message(self) -> str:
+        """What to report after the time-out."""
+        return f"{self.where}the input {self.input} was not {'on' if self.on else 'off'} within {self.timeout_s:g} s"
+
+    @property
+    def where(self) -> str:
+        """The beginning of messages about it: its place, if that is known."""
+        return f"{self.place}: " if self.place else ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return a wait that was made under the keys of report.json; only one that has timed out has `timed_out`."""
+        made = {"input": self.input, "on": self.on, "at_s": self.at_s, "stood_s": self.stood_s}
+        return made | {"timed_out": True} if self.timed_out else made
 
 
 class Trajectory(Protocol):
@@ -74,7 +114,7 @@ class Trajectory(Protocol):
         ...
 
     @property
-    def switchings(self) -> tuple[Switching, ...]:
+    def output_changes(self) -> tuple[OutputChange, ...]:
         """Changes of outputs during the motion, in order of time."""
         ...
 
@@ -85,6 +125,49 @@ class Trajectory(Protocol):
     def velocities(self, t_s: FloatArray) -> FloatArray:
         """Return joint velocities in mm/s and deg/s, shape (n, joints), at times of shape (n,) in [0, duration_s]."""
         ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DerivedTrajectory:
+    """A trajectory made of another one, which it follows in all that a subclass does not change; implements Trajectory.
+
+    It waits for no input.
+    """
+
+    trajectory: Trajectory
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        return self.trajectory.joint_names
+
+    @property
+    def duration_s(self) -> float:
+        """Duration, a whole number of milliseconds."""
+        return self.trajectory.duration_s
+
+    @property
+    def breakpoints_s(self) -> tuple[float, ...]:
+        """Times when the acceleration jumps."""
+        return self.trajectory.breakpoints_s
+
+    @property
+    def output_changes(self) -> tuple[OutputChange, ...]:
+        """Changes of outputs, in order of time."""
+        return self.trajectory.output_changes
+
+    @property
+    def expects(self) -> Mapping[str, Any]:
+        """What features are to find at the end, by key."""
+        return expected_of(self.trajectory)
+
+    def positions(self, t_s: FloatArray) -> FloatArray:
+        """Return joint positions, of shape (n, joints)."""
+        return self.trajectory.positions(t_s)
+
+    def velocities(self, t_s: FloatArray) -> FloatArray:
+        """Return joint velocities, of shape (n, joints)."""
+        return self.trajectory.velocities(t_s)
 
 
 DEFAULT_POINT_MS: Final = 10
@@ -111,7 +194,7 @@ class Waiting(Protocol):
     """A trajectory that waits for inputs on its way; others need not have the attribute."""
 
     @property
-    def waits(self) -> tuple[PlannedWait, ...]:
+    def waits(self) -> tuple[Wait, ...]:
         """The waits, in order of time."""
         ...
 
@@ -122,6 +205,6 @@ def expected_of(trajectory: Trajectory) -> Mapping[str, Any]:
     return found
 
 
-def waits_of(trajectory: Trajectory) -> tuple[PlannedWait, ...]:
+def waits_of(trajectory: Trajectory) -> tuple[Wait, ...]:
     """Return a trajectory's waits for inputs, in order of time."""
     return trajectory.waits if isinstance(trajectory, Waiting) else ()

@@ -16,8 +16,8 @@ from steptwin.host.robots.box import Range
 from steptwin.host.robots.kinematics import ArmPart, Kinematics, make_kinematics
 from steptwin.host.robots.kinematics.base import tool_places_mm
 from steptwin.host.robots.robot import Robot
-from steptwin.host.verify import Comparison, Evidence, OutputChange
-from steptwin.host.verify.switching import output_changes
+from steptwin.host.verify import Comparison, Evidence, OutputEdge
+from steptwin.host.verify.switching import output_edges
 
 _END: Final = float("inf")
 
@@ -36,7 +36,7 @@ class RecordedMachine:
     def of(cls, run: StoredRun) -> Self:
         """Return the machine of a stored run; outputs are those of its pins, whether they were planned or not."""
         evidence = run.comparison.evidence
-        changes = output_changes(run.robot, evidence.axes)
+        changes = output_edges(run.robot, evidence.axes)
         holds_s = {name: _on_times_s(changes, name, evidence) for name in run.robot.outputs}
         return cls(run.robot, make_kinematics(run.robot), run.comparison, holds_s)
 
@@ -78,7 +78,7 @@ class RecordedMachine:
         }
 
 
-def _on_times_s(changes: Sequence[OutputChange], name: str, evidence: Evidence) -> tuple[Range, ...]:
+def _on_times_s(changes: Sequence[OutputEdge], name: str, evidence: Evidence) -> tuple[Range, ...]:
     own = [change for change in changes if change.name == name]
     instants_s = [evidence.trajectory_s(change.counts) for change in own] + [_END]
     return tuple(span for change, span in zip(own, pairwise(instants_s), strict=True) if change.level)

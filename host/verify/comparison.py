@@ -8,7 +8,7 @@ from typing import Any, Final, Self
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
-from steptwin.host.planning.trajectory import Switching, Trajectory
+from steptwin.host.planning.trajectory import DerivedTrajectory, Trajectory
 from steptwin.host.robots.coupling import Coupling
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.chain import actual_chain
@@ -22,34 +22,22 @@ from steptwin.host.verify.net_counts import match_any_rule
 from steptwin.host.verify.oracle import IdealSteps, ideal_steps
 
 
-@dataclass(frozen=True, slots=True)
-class AxisTrajectory:
-    """A trajectory in axis positions instead of joint positions; implements Trajectory.
+@dataclass(frozen=True, slots=True, eq=False)
+class AxisTrajectory(DerivedTrajectory):
+    """A trajectory in axis positions instead of joint positions.
 
     Attributes:
-        trajectory: the motion of the joints.
-        coupling: how the axes follow them.
-        joint_names: the names of the axes: those of the joints, then those of second motors.
+        coupling: how the axes follow the joints.
+        axis_names: the names of the axes: those of the joints, then those of second motors.
     """
 
-    trajectory: Trajectory
     coupling: Coupling
-    joint_names: tuple[str, ...]
+    axis_names: tuple[str, ...]
 
     @property
-    def duration_s(self) -> float:
-        """The motion's duration."""
-        return self.trajectory.duration_s
-
-    @property
-    def breakpoints_s(self) -> tuple[float, ...]:
-        """The motion's breakpoints."""
-        return self.trajectory.breakpoints_s
-
-    @property
-    def switchings(self) -> tuple[Switching, ...]:
-        """The motion's changes of outputs."""
-        return self.trajectory.switchings
+    def joint_names(self) -> tuple[str, ...]:
+        """The names of the axes."""
+        return self.axis_names
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return axis positions, of shape (n, axes)."""

@@ -4,8 +4,7 @@ As long as no limit of the driver was broken, the pins decide: each CLK rise out
 direction. After a violation the driver's model decides, and the run has failed anyway.
 
 A driver makes the steps of its own mode, which its pins or its own switches select: a full step is a quarter of an
-electrical cycle, and the angle by which a step turns the field tells the mode. Pins and steps alone, without any plan,
-give the figures of an axis' pulses.
+electrical cycle, and the angle by which a step turns the field tells the mode.
 """
 
 from dataclasses import dataclass
@@ -16,7 +15,6 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray, Int8Array, Int64Array
 from steptwin.host.verify.evidence import AxisEvidence
 from steptwin.protocol.drivers import ActiveEdge
-from steptwin.protocol.timer import COUNTS_PER_US
 
 
 def motor_moves(axis: AxisEvidence, planned: int | None) -> FloatArray:
@@ -169,44 +167,6 @@ class ClkDurations(NamedTuple):
     period_counts: Int64Array
 
 
-@dataclass(frozen=True, slots=True)
-class PulseFacts:
-    """Figures of one axis' whole evidence.
-
-    Attributes:
-        pulses: number of pulses on STEP, accepted or not.
-        reversals: number of accepted steps whose direction differs from the step before.
-        peak_rate_hz: inverse of the smallest interval between two successive accepted steps of the same direction;
-            0.0 without such a pair. A step count per sample would overstate it by up to one over the sample time.
-        mean_step_interval_us: mean interval from the first accepted step to the last; None with fewer than two steps.
-        clk_high_us_min: shortest time that the chip's CLK is high; None if the record has no complete high time.
-        clk_low_us_min: shortest time that the chip's CLK is low; None if the record has no complete low time.
-    """
-
-    pulses: int
-    reversals: int
-    peak_rate_hz: float
-    mean_step_interval_us: float | None
-    clk_high_us_min: float | None
-    clk_low_us_min: float | None
-
-
-def pulse_facts(axis: AxisEvidence) -> PulseFacts:
-    """Measure one axis' whole evidence."""
-    same_way = axis.step_signs[1:] == axis.step_signs[:-1]
-    intervals_counts = np.diff(axis.step_counts)
-    clk = clk_durations(axis)
-    steady_us = _smallest_us(intervals_counts[same_way])
-    return PulseFacts(
-        pulses=len(axis.clk_rise_counts),
-        reversals=int(np.count_nonzero(~same_way)),
-        peak_rate_hz=1e6 / steady_us if steady_us else 0.0,
-        mean_step_interval_us=float(intervals_counts.mean()) / COUNTS_PER_US if intervals_counts.size else None,
-        clk_high_us_min=_smallest_us(clk.high_counts),
-        clk_low_us_min=_smallest_us(clk.low_counts),
-    )
-
-
 def clk_durations(axis: AxisEvidence) -> ClkDurations:
     """Return all durations whose two ends are on record."""
     rises, falls = axis.clk_rise_counts, axis.clk_fall_counts
@@ -214,7 +174,3 @@ def clk_durations(axis: AxisEvidence) -> ClkDurations:
     if axis.active_edge is ActiveEdge.FALLING:
         return ClkDurations(pauses_counts, pulses_counts, np.diff(falls))
     return ClkDurations(pulses_counts, pauses_counts, np.diff(rises))
-
-
-def _smallest_us(durations_counts: Int64Array) -> float | None:
-    return float(durations_counts.min()) / COUNTS_PER_US if durations_counts.size else None

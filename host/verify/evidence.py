@@ -247,7 +247,7 @@ class AxisEvidence:
 
 
 @dataclass(frozen=True, slots=True)
-class OutputChange:
+class OutputEdge:
     """Change of a digital output to a level, 0 or 1."""
 
     name: str
@@ -264,7 +264,7 @@ class Evidence:
 
     start_counts: int
     axes: tuple[AxisEvidence, ...]
-    outputs: tuple[OutputChange, ...] = ()
+    outputs: tuple[OutputEdge, ...] = ()
     features: Mapping[str, Any] = field(default_factory=dict)
 
     def trajectory_s(self, counts: int) -> float:

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from steptwin.host.planning.trajectory import OutputChange
 from steptwin.host.verify.evidence import AxisEvidence, Evidence, SpeedReport
-from steptwin.host.verify.switching import OutputReport
+from steptwin.host.verify.figures import AxisReport
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,55 +90,6 @@ class RunInfo:
 
 
 @dataclass(frozen=True, slots=True)
-class AxisReport:
-    """Figures of one axis. A figure that needs pulses is None without them; timing errors are 0.0 then.
-
-    Attributes:
-        name: name of the joint.
-        steps_start: the driver's count at t = 0, in steps from the joint's zero.
-        steps_end: the driver's count after its last step.
-        pulses: number of pulses on STEP, accepted or not.
-        reversals: number of accepted steps whose direction differs from the step before.
-        peak_rate_hz: inverse of the smallest interval between two successive accepted steps of the same direction.
-        position_error_steps_max: largest |count - planned position| at any instant from the start of the motion.
-        timing_error_us_p50: median of |accepted edge - ideal crossing|, without crossings below 1 % of the peak rate.
-        timing_error_us_p99: 99th percentile of the same errors.
-        timing_error_us_max: maximum of the same errors.
-        clk_high_us_min: shortest time that the driver chip's CLK is high: a pulse on STEP, or a pause between two
-            pulses if `active_edge` is falling.
-        clk_low_us_min: shortest time that CLK is low: a pause between two pulses on STEP, or a pulse if `active_edge`
-            is falling.
-        violations: number of violations of the driver's limits.
-        unmatched_steps: number of ideal crossings without a step and of steps without a crossing, added.
-        grazing_steps: unmatched steps where the motion turns around within the tolerance of a threshold, so that
-            stepping and not stepping are both right; they do not count as unmatched.
-        threshold_error_steps_max: largest distance of the planned position from the threshold of a step when the step
-            was made.
-        mean_step_interval_us: mean interval from the first accepted step to the last.
-        active_edge: "rising" or "falling", the edge of the board's STEP with which the chip's CLK rises.
-    """
-
-    name: str
-    steps_start: int
-    steps_end: int
-    pulses: int
-    reversals: int
-    peak_rate_hz: float
-    position_error_steps_max: float
-    timing_error_us_p50: float
-    timing_error_us_p99: float
-    timing_error_us_max: float
-    clk_high_us_min: float | None
-    clk_low_us_min: float | None
-    violations: int
-    unmatched_steps: int
-    grazing_steps: int
-    threshold_error_steps_max: float
-    mean_step_interval_us: float | None
-    active_edge: str
-
-
-@dataclass(frozen=True, slots=True)
 class JointsReport:
     """Joint positions at t = 0 and at the end, in mm and degrees, from the drivers' counts."""
 
@@ -204,7 +156,7 @@ class Report:
     axes: tuple[AxisReport, ...]
     joints: JointsReport
     tool: ToolReport
-    outputs: tuple[OutputReport, ...]
+    outputs: tuple[OutputChange, ...]
     violations: tuple[ViolationReport, ...]
     actual_tool: ToolReport | None = None
     features: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -228,7 +180,7 @@ class Report:
             "joints": _plain(asdict(self.joints)),
             "tool": None if isnan(self.tool.position_error_mm_max) else _plain(asdict(self.tool)),
             **({"actual_tool": _plain(asdict(self.actual_tool))} if self.actual_tool else {}),
-            "outputs": [_plain(asdict(output)) for output in self.outputs],
+            "outputs": [_plain(output.to_dict()) for output in self.outputs],
             "violations": [_plain(asdict(violation)) for violation in self.violations],
             **{name: _plain(dict(document)) for name, document in self.features.items()},
             **speeds_document(self.speeds),

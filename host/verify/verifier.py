@@ -15,9 +15,10 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.features import judge_of
 from steptwin.host.verify.comparison import Comparison, Expectation, compare
-from steptwin.host.verify.counted import powerless_steps, pulse_facts
+from steptwin.host.verify.counted import powerless_steps
 from steptwin.host.verify.deviation import Deviation, ToolDeviation, critical_instants, deviations
 from steptwin.host.verify.evidence import Evidence
+from steptwin.host.verify.figures import AxisReport, AxisRun, axis_report, judged_document
 from steptwin.host.verify.gates import (
     OWN_FIRMWARE,
     SEGMENTS_TOLERANCE_STEPS,
@@ -28,7 +29,6 @@ from steptwin.host.verify.gates import (
 from steptwin.host.verify.net_counts import any_rule_end
 from steptwin.host.verify.oracle import THRESHOLD_STEPS
 from steptwin.host.verify.report import (
-    AxisReport,
     JointsReport,
     Report,
     RunInfo,
@@ -102,7 +102,7 @@ def verify(expected: Expectation, evidence: Evidence, run: RunInfo) -> Report:
 def verify_comparison(comparison: Comparison, run: RunInfo) -> Report:
     """Return the report of a comparison that exists already."""
     worst = _worst(comparison)
-    axes = tuple(_axis_report(comparison, i, worst) for i in range(len(comparison.axis_names)))
+    axes = tuple(axis_report(_axis_run(comparison, i, worst)) for i in range(len(comparison.axis_names)))
     reasons = [*_strange_modes(comparison), *_slip_reasons(comparison.evidence)]
     reasons += [line for index, axis in enumerate(axes) for line in _reasons(comparison, index, axis)]
     reasons += powerless_reasons(comparison.evidence)
@@ -112,14 +112,13 @@ def verify_comparison(comparison: Comparison, run: RunInfo) -> Report:
         for skew in skews
         if skew.skew_max > skew.limit
     ]
-    outputs = output_reports(comparison.expected.trajectory.switchings, comparison.evidence)
+    outputs = output_reports(comparison.expected.trajectory.output_changes, comparison.evidence)
     reasons += output_reasons(outputs, comparison.evidence)
     violations = violation_reports(comparison.evidence)
     evidence, documents = comparison.evidence, {}
     for name, seen in evidence.features.items():
-        judge = judge_of(name)
-        reasons += judge.reasons(seen, comparison.expected.features.get(name), evidence.start_counts)
-        documents[name] = judge.document(seen, evidence.start_counts)
+        reasons += judge_of(name).reasons(seen, comparison.expected.features.get(name), evidence.start_counts)
+        documents[name] = judged_document(name, seen, evidence.start_counts, comparison.axis_names)
     joints, tool = _joints_report(comparison), worst.tool.report()
     actual_tool = worst.actual_tool.report() if comparison.expected.actual_forward else None
     speeds = evidence.axes[0].rates.speeds(evidence.start_counts)
@@ -134,9 +133,7 @@ def _worst(comparison: Comparison) -> _Worst:
     return worst
 
 
-def _axis_report(comparison: Comparison, axis: int, worst: _Worst) -> AxisReport:
-    evidence, counted = comparison.evidence.axes[axis], comparison.counted[axis]
-    facts = pulse_facts(evidence)
+def _axis_run(comparison: Comparison, axis: int, worst: _Worst) -> AxisRun:
     position_steps = float(worst.position_steps[axis])
     threshold_steps = float(worst.threshold_steps[axis])
     matching = comparison.matchings[axis]
@@ -144,27 +141,14 @@ def _axis_report(comparison: Comparison, axis: int, worst: _Worst) -> AxisReport
     microsteps = comparison.expected.microsteps_of(axis)
     if comparison.gates.step_rule and _follows_step_rule(position_steps, threshold_steps, microsteps):
         unmatched, grazing = 0, unmatched
-    late_us = np.abs(comparison.timing_errors_us(axis))
-    p50_us, p99_us, max_us = np.percentile(late_us, [50, 99, 100]).tolist() if late_us.size else [0.0] * 3
-    return AxisReport(
-        name=evidence.name,
-        steps_start=counted.start_steps,
-        steps_end=counted.end_steps,
-        pulses=facts.pulses,
-        reversals=facts.reversals,
-        peak_rate_hz=facts.peak_rate_hz,
-        position_error_steps_max=position_steps,
-        timing_error_us_p50=p50_us,
-        timing_error_us_p99=p99_us,
-        timing_error_us_max=max_us,
-        clk_high_us_min=facts.clk_high_us_min,
-        clk_low_us_min=facts.clk_low_us_min,
-        violations=evidence.violations.counts.size,
+    return AxisRun(
+        evidence=comparison.evidence.axes[axis],
+        counted=comparison.counted[axis],
+        position_error_steps=position_steps,
+        threshold_error_steps=threshold_steps,
         unmatched_steps=unmatched,
         grazing_steps=grazing,
-        threshold_error_steps_max=threshold_steps,
-        mean_step_interval_us=facts.mean_step_interval_us,
-        active_edge=evidence.active_edge.value,
+        late_us=comparison.timing_errors_us(axis),
     )
 
 

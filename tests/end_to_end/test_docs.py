@@ -10,7 +10,13 @@ import pytest
 
 from docs.generate.command_line import COMMAND_LINE_PAGE, render_command_line
 from docs.generate.driver_page import DRIVER_PAGE
-from docs.generate.machine_pages import CONTROL_PORT_PAGE, FAULTS_PAGE, MACHINE_PAGE, render_machine_options
+from docs.generate.machine_pages import (
+    CONTROL_PORT_PAGE,
+    FAULTS_PAGE,
+    MACHINE_PAGE,
+    RUN_FOLDER_PAGE,
+    render_machine_options,
+)
 from docs.generate.paper_pages import PAPERS
 from docs.generate.pictures import WAVEFORM_PAGE
 from docs.generate.protocol import PROTOCOL_PAGE
@@ -56,6 +62,10 @@ def test_the_page_of_faults_is_up_to_date(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_the_page_of_the_control_port_is_up_to_date() -> None:
     assert CONTROL_PORT_PAGE.render() == CONTROL_PORT_PAGE.path.read_text(encoding="utf-8")
+
+
+def test_the_page_of_the_run_folder_is_up_to_date() -> None:
+    assert RUN_FOLDER_PAGE.render() == RUN_FOLDER_PAGE.path.read_text(encoding="utf-8")
 
 
 def test_the_page_of_the_machines_options_is_up_to_date() -> None:

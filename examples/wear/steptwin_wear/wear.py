@@ -12,6 +12,7 @@ from steptwin.host.cli.output import print_table
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import MachinePart
 from steptwin.host.common.tables import Table
+from steptwin.host.verify.figures import Figure, FigureLimit, SeenAxis
 
 EVERY_COUNTS, UNITS_PER_TURN = 72_000_000 // 100, 200 * 16_384  # a look each 10 ms; full steps in wire units
 
@@ -68,8 +69,18 @@ def reasons(evidence: dict[str, Any], expected: None, start_counts: int) -> list
 
 
 def document(evidence: dict[str, Any], start_counts: int) -> dict[str, Any]:
-    a_turn, turned = 100.0 / evidence["life_turns"], evidence["turns"].items()
-    return {"axes": {axis: {"turns": turns, "life_percent": a_turn * turns} for axis, turns in turned}}
+    return {}  # its figures are all that a report has
+
+
+def turns(axis: SeenAxis) -> float:
+    return float(axis.seen["turns"][axis.name])
+
+
+LIFE = FigureLimit("wear", "turns, of those that a motor lasts", lambda robot, _: robot.sections["wear"].life_turns)
+FIGURES = {  # of each axis: for report.json, a column of the verdict and, with a limit, for campaigns
+    "turns": Figure(says="turns of the motor", of=turns, heading="turns", form="{:.3f}", limit=LIFE),
+    "life_percent": Figure(says="part of its life", of=lambda axis: 100.0 / axis.seen["life_turns"] * turns(axis)),
+}
 
 
 def contradictions(evidence: dict[str, Any], comparison: Any) -> Iterable[str]:

@@ -86,7 +86,7 @@ def _held(robot: Robot, motion: Trajectory, t_s: FloatArray) -> BoolArray:
     """Return when the payload hangs at the tool: always, unless an output takes and leaves it."""
     held_by = robot.dynamics.payload_held_by if robot.dynamics else ""
     held = np.full(len(t_s), not held_by)
-    for change in motion.switchings if held_by else ():
+    for change in motion.output_changes if held_by else ():
         if change.output == held_by:
             held[t_s >= change.from_s] = change.on
     return held

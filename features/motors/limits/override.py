@@ -12,8 +12,8 @@ from steptwin.features.motors.turning.after_run import MotionSlip, first_slip
 from steptwin.features.motors.turning.driving import Driving
 from steptwin.host.common.errors import StepTwinError
 from steptwin.host.common.planning_time import PlanningTimeError, check_planning_time, in_planning_time, plan_within
-from steptwin.host.planning.motions.held import Unwaited
 from steptwin.host.planning.plan import PLANNED_PERCENT, HighestSpeed, Plan
+from steptwin.host.planning.trajectory import DerivedTrajectory
 from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.twin.machine.kernels import fastest_kernel
 
@@ -39,7 +39,7 @@ def _held(plan: Plan, percent: int) -> HighestSpeed:
     def progress(_: float) -> None:
         check_planning_time()
 
-    alone = replace(plan, trajectory=Unwaited(plan.trajectory))
+    alone = replace(plan, trajectory=DerivedTrajectory(plan.trajectory))  # without its waits
     ran = execute(alone, "", fastest_kernel(), progress=progress)
     if ran.fault is not None:
         return HighestSpeed(PLANNED_PERCENT, f"its motors: a run beforehand fails: {ran.fault}")

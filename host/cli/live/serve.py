@@ -18,9 +18,9 @@ from steptwin.host.cli.live.served_programs import (
     require_free,
 )
 from steptwin.host.cli.options import option, switch
-from steptwin.host.cli.output import Columns, print_rows, say, say_compiling, warn
+from steptwin.host.cli.output import say, say_compiling, warn
 from steptwin.host.cli.run.hooks import tellings
-from steptwin.host.cli.run.verdict_text import USUAL_DRIVERS
+from steptwin.host.cli.run.verdict_text import USUAL_DRIVERS, print_axes
 from steptwin.host.common import listening as socketcand
 from steptwin.host.common.errors import BusError, InputError, RecordingError
 from steptwin.host.common.features import giving
@@ -302,18 +302,9 @@ def _late(lateness: dict[str, Any]) -> dict[str, str]:
     }
 
 
-_AXES: Final[Columns] = {
-    "axis": "{0[name]}",
-    "start": "{0[steps_start]}",
-    "end": "{0[steps_end]}",
-    "pulses": "{0[pulses]}",
-    "broken": "{0[violations]}",
-}
-
-
 def print_served(document: dict[str, Any], folder: Path | None) -> None:
     """Print the final report of a board, and the folder with its files if there is one."""
-    print_rows(_AXES, document["axes"])
+    print_axes(document)
     bus, real_time = document["bus"], document["real_time"]
     say(f"bus: {bus['frames']} frames at {bus['bitrate'] // 1000} kbit/s, {bus['load_percent']:.1f} % load")
     for mismatch in document["mismatches"]:

@@ -1,10 +1,15 @@
 """Print the report of a verified run, for `run` and `verify`."""
 
-from collections.abc import Callable, Mapping
-from typing import Any, Final
+from collections.abc import Mapping
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
 
 from steptwin.host.cli.output import Columns, fixed, print_rows, say
 from steptwin.host.common.features import giving
+from steptwin.host.record.verdict_words import verdict_words
+
+if TYPE_CHECKING:
+    from steptwin.host.verify.figures import Figure
 
 USUAL_DRIVERS: Final = "chip-330pf"
 """Driver profile that a report does not mention."""
@@ -21,7 +26,7 @@ def print_report(document: Mapping[str, Any]) -> None:
     """Print the whole report, the verdict last."""
     if document["driver_profile"] != USUAL_DRIVERS:
         say(f"drivers: {document['driver_profile']}")
-    print_rows(_COLUMNS, document["axes"])
+    print_axes(document)
     moving = [axis for axis in document["axes"] if axis["pulses"]]
     if moving:
         inverted = ", low while STEP is high" if moving[0]["active_edge"] == "falling" else ""
@@ -74,7 +79,7 @@ def _print_traffic(document: Mapping[str, Any]) -> None:
 
 
 def _print_verdict(document: Mapping[str, Any]) -> None:
-    verdict, *reasons = _verdict(document)
+    verdict, *reasons = verdict_words(document)
     say(f"{document['robot']} {document['job']}: {verdict}", *(f"  {reason}" for reason in reasons))
 
 
@@ -105,45 +110,23 @@ def _print_violations(violations: list[dict[str, Any]]) -> None:
         print_rows(columns, same)
 
 
-def _verdict(document: Mapping[str, Any]) -> list[str]:
-    """Return the verdict, and the reasons of a failed one."""
-    if "fault" in document:
-        return _stopped(document)
-    if document["reasons"] == [document.get("interruption")]:
-        return ["INCOMPLETE", *document["reasons"]]
-    if document["passed"]:
-        return ["PASSED"]
-    stopped_alone = "stopped" in document and len(document["reasons"]) == 1
-    return ["STOPPED" if stopped_alone else "FAILED", *document["reasons"]]
-
-
-def _stopped(document: Mapping[str, Any]) -> list[str]:
-    """Return that a fault has ended the run, or the time-out of a wait, up to which the run is verified."""
-    if not document["fault"].get("timed_out"):
-        return ["STOPPED BY A FAULT"]
-    reasons = document["reasons"] or ["up to the wait every pulse is right"]
-    return ["STOPPED BY A WAIT THAT TIMED OUT", *reasons]
-
-
 def _least(axes: list[dict[str, Any]], key: str) -> str:
     times_us = [axis[key] for axis in axes if axis[key] is not None]
     return f"at least {min(times_us):.2f} us" if times_us else "once"
 
 
-def _if_moved(form: str) -> Callable[[dict[str, Any]], str]:
-    """Return a column that has a dash for an axis without a step."""
-    return lambda axis: "-" if axis["mean_step_interval_us"] is None else form.format(axis)
+def print_axes(document: Mapping[str, Any]) -> None:
+    """Print a row for each axis, with those figures of the core and of features that the document has."""
+    from steptwin.host.verify.figures import figure_values
+
+    columns: Columns = {
+        figure.column: partial(_cell, figure, values)
+        for figure, values in figure_values(document["axes"], document)
+        if figure.heading
+    }
+    print_rows(columns, document["axes"])
 
 
-_COLUMNS: Final[Columns] = {
-    "axis": "{0[name]}",
-    "start": "{0[steps_start]}",
-    "end": "{0[steps_end]}",
-    "pulses": "{0[pulses]}",
-    "peak Hz": _if_moved("{0[peak_rate_hz]:.1f}"),
-    "err steps": _if_moved("{0[position_error_steps_max]:.4f}"),
-    "p50 us": _if_moved("{0[timing_error_us_p50]:.2f}"),
-    "p99 us": _if_moved("{0[timing_error_us_p99]:.2f}"),
-    "broken": "{0[violations]}",
-}
-"""Steps at start and end; largest position error in steps; timing errors; number of pulses that broke a limit."""
+def _cell(figure: "Figure[Any]", values: Mapping[str, Any], axis: Mapping[str, Any]) -> str:
+    still = figure.moving and axis["mean_step_interval_us"] is None
+    return "-" if still else figure.form.format(values[axis["name"]])

@@ -1,14 +1,15 @@
 """`steptwin verify DIR`: verify a stored run from its files alone."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from steptwin.host.cli.app import command, end_unless
 from steptwin.host.cli.arguments import AnswerOptions
 from steptwin.host.cli.options import argument, given_options, naming_options, of_features, option
-from steptwin.host.cli.output import say, warn
+from steptwin.host.cli.output import warn
+from steptwin.host.cli.run.hooks import tellings
 from steptwin.host.cli.run.verdict_text import fault_line, print_report
 from steptwin.host.common.errors import DeviceFaultError, InputError, NotVerifiedError
 
@@ -93,7 +94,8 @@ def _verify_folder(answer: AnswerOptions, folder: Path, plan: Path | None) -> No
 
     def tell() -> None:
         print_report(document)
-        say(*(f"fault on purpose: {fault}" for fault in verdict.on_purpose))
+        for each in tellings():
+            each.print_verified(document)
 
     answer.tell(document, tell)
     if "fault" in document:
@@ -114,6 +116,4 @@ def _document(verdict: "FolderVerdict") -> dict[str, Any]:
         document["interruption"] = verdict.interruption
     if verdict.fault is not None and not (verdict.tampered or verdict.of_other_runs):
         document["fault"] = dict(verdict.fault)
-    if verdict.on_purpose:
-        document["faults"] = [asdict(fault) for fault in verdict.on_purpose]
-    return document
+    return document | verdict.kept

@@ -16,7 +16,7 @@ from steptwin.host.planning.motions.tool_move import ToolMove
 from steptwin.host.planning.no_way import is_no_way
 from steptwin.host.planning.paths import ToolPath, straight
 from steptwin.host.planning.peaks import check_length
-from steptwin.host.planning.trajectory import PlannedWait, Switching, Trajectory, smooth_breakpoints_ms, states
+from steptwin.host.planning.trajectory import OutputChange, Trajectory, Wait, smooth_breakpoints_ms, states
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.poses import Pose
 from steptwin.host.robots.robot import Robot
@@ -31,7 +31,7 @@ class Standstill:
     duration_s: float
 
     breakpoints_s: ClassVar[tuple[float, ...]] = ()
-    switchings: ClassVar[tuple[Switching, ...]] = ()
+    output_changes: ClassVar[tuple[OutputChange, ...]] = ()
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return joint positions, of shape (n, joints), all equal."""
@@ -50,7 +50,7 @@ class Sequence:
         joint_names: names of the robot's joints.
         parts: the motions, at least one.
         starts_ms: start of each part, and then the end of the last one.
-        switchings: changes of outputs during the motion.
+        output_changes: changes of outputs during the motion.
         waits: waits for inputs, each at the beginning of a pause.
         expects: what features are to find at the end, by key.
     """
@@ -58,8 +58,8 @@ class Sequence:
     joint_names: tuple[str, ...]
     parts: tuple[Trajectory, ...]
     starts_ms: tuple[int, ...]
-    switchings: tuple[Switching, ...]
-    waits: tuple[PlannedWait, ...] = ()
+    output_changes: tuple[OutputChange, ...]
+    waits: tuple[Wait, ...] = ()
     expects: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -70,7 +70,7 @@ class Sequence:
     @property
     def breakpoints_s(self) -> tuple[float, ...]:
         """The parts' breakpoints, the times when one part follows another, and when outputs change on the way."""
-        changes_ms = {round(1000 * change.from_s) for change in self.switchings if change.on_the_way}
+        changes_ms = {round(1000 * change.from_s) for change in self.output_changes if change.on_the_way}
         breakpoints_ms = {*self.starts_ms[1:-1], *changes_ms} - {0, self.starts_ms[-1]}
         for start_ms, part in zip(self.starts_ms, self.parts, strict=False):
             breakpoints_ms |= {start_ms + round(1000 * t_s) for t_s in part.breakpoints_s}
@@ -142,8 +142,8 @@ class Composer:
     joints: FloatArray
     _parts: list[Trajectory] = field(default_factory=list, init=False)
     _starts_ms: list[int] = field(default_factory=lambda: [0], init=False)
-    _switchings: list[Switching] = field(default_factory=list, init=False)
-    _waits: list[PlannedWait] = field(default_factory=list, init=False)
+    _output_changes: list[OutputChange] = field(default_factory=list, init=False)
+    _waits: list[Wait] = field(default_factory=list, init=False)
 
     @property
     def now_s(self) -> float:
@@ -194,17 +194,17 @@ class Composer:
         require_output(self.robot, output)
         from_s = self.now_s
         self.pause(SWITCHING_S)
-        self._switchings.append(Switching(output, on, from_s, self.now_s))
+        self._output_changes.append(OutputChange(output, on, from_s, self.now_s))
 
-    def add_switchings(self, changes: Iterable[Switching]) -> None:
+    def add_output_changes(self, changes: Iterable[OutputChange]) -> None:
         """Let outputs of the robot change during motions that have been added."""
         for change in changes:
             require_output(self.robot, change.output)
-            self._switchings.append(change)
+            self._output_changes.append(change)
 
     def is_on(self, output: str) -> bool:
         """Return whether an output is on after all changes so far; at first it is off."""
-        changes = [change for change in self._switchings if change.output == output]
+        changes = [change for change in self._output_changes if change.output == output]
         return bool(changes) and max(changes, key=lambda change: change.from_s).on
 
     def wait(self, sensor: str, *, on: bool, timeout_s: float, place: str = "") -> None:
@@ -214,7 +214,7 @@ class Composer:
         """
         require_input(self.robot, sensor)
         check_timeout(timeout_s)
-        self._waits.append(PlannedWait(sensor, on, self.now_s, timeout_s, place))
+        self._waits.append(Wait(sensor, on, self.now_s, timeout_s, place))
         self.pause(WAIT_S)
 
     def pause(self, duration_s: float) -> None:
@@ -234,9 +234,9 @@ class Composer:
     def sequence(self, expects: Mapping[str, Any] | None = None) -> Sequence:
         """Return the sequence of all moves so far; `expects` is what features are to find at the end."""
         parts, starts_ms = tuple(self._parts), tuple(self._starts_ms)
-        switchings = tuple(sorted(self._switchings, key=lambda change: change.from_s))
+        output_changes = tuple(sorted(self._output_changes, key=lambda change: change.from_s))
         waits = tuple(self._waits)
-        return Sequence(self.robot.joint_names, parts, starts_ms, switchings, waits, expects or {})
+        return Sequence(self.robot.joint_names, parts, starts_ms, output_changes, waits, expects or {})
 
     def _check_length(self, more_s: float) -> None:
         """Raise TooLongError if the sequence would last too long with a further move; it is not made then."""

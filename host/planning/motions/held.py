@@ -1,116 +1,27 @@
-"""A motion with standstills put in: what a machine has done that waited for inputs on its way."""
+"""A part of a motion, and a motion with standstills put in: what a machine has done that waited for inputs."""
 
 from bisect import bisect
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import accumulate
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.planning.trajectory import Switching, Trajectory, expected_of
+from steptwin.host.planning.trajectory import DerivedTrajectory, OutputChange
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CutShort:
-    """The first part of a trajectory, up to an instant when it stands; implements Trajectory.
+class TimeSpan(DerivedTrajectory):
+    """A part of a trajectory that need not begin or end at rest.
 
     Attributes:
-        trajectory: the trajectory itself.
-        duration_s: duration of the part, a whole number of milliseconds.
-    """
-
-    trajectory: Trajectory
-    duration_s: float
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """The trajectory's joints."""
-        return self.trajectory.joint_names
-
-    @property
-    def breakpoints_s(self) -> tuple[float, ...]:
-        """The trajectory's breakpoints before the end."""
-        return tuple(t_s for t_s in self.trajectory.breakpoints_s if t_s < self.duration_s)
-
-    @property
-    def switchings(self) -> tuple[Switching, ...]:
-        """The trajectory's changes of outputs up to the end."""
-        return tuple(change for change in self.trajectory.switchings if change.until_s <= self.duration_s)
-
-    @property
-    def expects(self) -> Mapping[str, Any]:
-        """What features are to find at the end, by key."""
-        return expected_of(self.trajectory)
-
-    def positions(self, t_s: FloatArray) -> FloatArray:
-        """Return joint positions, of shape (n, joints)."""
-        return self.trajectory.positions(t_s)
-
-    def velocities(self, t_s: FloatArray) -> FloatArray:
-        """Return joint velocities, of shape (n, joints)."""
-        return self.trajectory.velocities(t_s)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Unwaited:
-    """A trajectory that waits for no input; implements Trajectory."""
-
-    trajectory: Trajectory
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """The trajectory's joints."""
-        return self.trajectory.joint_names
-
-    @property
-    def duration_s(self) -> float:
-        """The trajectory's duration."""
-        return self.trajectory.duration_s
-
-    @property
-    def breakpoints_s(self) -> tuple[float, ...]:
-        """The trajectory's breakpoints."""
-        return self.trajectory.breakpoints_s
-
-    @property
-    def switchings(self) -> tuple[Switching, ...]:
-        """The trajectory's changes of outputs."""
-        return self.trajectory.switchings
-
-    @property
-    def expects(self) -> Mapping[str, Any]:
-        """What features are to find at the end, by key."""
-        return expected_of(self.trajectory)
-
-    def positions(self, t_s: FloatArray) -> FloatArray:
-        """Return joint positions, of shape (n, joints)."""
-        return self.trajectory.positions(t_s)
-
-    def velocities(self, t_s: FloatArray) -> FloatArray:
-        """Return joint velocities, of shape (n, joints)."""
-        return self.trajectory.velocities(t_s)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TimeSpan:
-    """A part of a trajectory that need not begin or end at rest; implements Trajectory.
-
-    Attributes:
-        trajectory: the trajectory itself.
         from_s: where the part begins, a whole number of milliseconds.
         until_s: where it ends, likewise.
     """
 
-    trajectory: Trajectory
     from_s: float
     until_s: float
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """The trajectory's joints."""
-        return self.trajectory.joint_names
 
     @property
     def duration_s(self) -> float:
@@ -125,9 +36,13 @@ class TimeSpan:
         return tuple((round(1000 * t_s) - from_ms) / 1000 for t_s in all_s[own])
 
     @property
-    def switchings(self) -> tuple[Switching, ...]:
-        """None: they are the whole motion's."""
-        return ()
+    def output_changes(self) -> tuple[OutputChange, ...]:
+        """The trajectory's changes of outputs that are wholly in the part."""
+        return tuple(
+            replace(change, from_s=change.from_s - self.from_s, until_s=change.until_s - self.from_s)
+            for change in self.trajectory.output_changes
+            if self.from_s <= change.from_s and change.until_s <= self.until_s
+        )
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return joint positions, of shape (n, joints)."""
@@ -146,21 +61,14 @@ class Hold(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Held:
-    """A trajectory that stands still at some instants, where it rests anyway; implements Trajectory.
+class Held(DerivedTrajectory):
+    """A trajectory that stands still at some instants, where it rests anyway.
 
     Attributes:
-        trajectory: the trajectory itself.
         holds: the standstills, in order of time.
     """
 
-    trajectory: Trajectory
     holds: tuple[Hold, ...]
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """The trajectory's joints."""
-        return self.trajectory.joint_names
 
     @property
     def duration_s(self) -> float:
@@ -175,17 +83,12 @@ class Held:
         return tuple(sorted(own | ends))
 
     @property
-    def switchings(self) -> tuple[Switching, ...]:
+    def output_changes(self) -> tuple[OutputChange, ...]:
         """The trajectory's changes of outputs, at their new times."""
         return tuple(
             replace(change, from_s=self._later_s(change.from_s), until_s=self._later_s(change.until_s))
-            for change in self.trajectory.switchings
+            for change in self.trajectory.output_changes
         )
-
-    @property
-    def expects(self) -> Mapping[str, Any]:
-        """What features are to find at the end, by key."""
-        return expected_of(self.trajectory)
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return joint positions, of shape (n, joints)."""

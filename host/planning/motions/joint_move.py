@@ -8,7 +8,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Law, Trapezoid
-from steptwin.host.planning.trajectory import Switching
+from steptwin.host.planning.trajectory import OutputChange
 from steptwin.host.robots.robot import Robot
 
 
@@ -28,7 +28,7 @@ class JointMove:
     goal: tuple[float, ...]
     law: Law
 
-    switchings: ClassVar[tuple[Switching, ...]] = ()
+    output_changes: ClassVar[tuple[OutputChange, ...]] = ()
 
     def __post_init__(self) -> None:
         if self.law.distance != 1.0:

@@ -16,7 +16,7 @@ import scipy
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.trajectory import Switching
+from steptwin.host.planning.trajectory import OutputChange
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
@@ -39,13 +39,13 @@ class Sampled:
         joint_names: names of the robot's joints.
         curve: curve from seconds to joint positions of shape (joints,), in mm and degrees.
         breakpoints_s: times when the acceleration jumps.
-        switchings: changes of outputs during the motion.
+        output_changes: changes of outputs during the motion.
     """
 
     joint_names: tuple[str, ...]
     curve: "PPoly"
     breakpoints_s: tuple[float, ...]
-    switchings: tuple[Switching, ...] = ()
+    output_changes: tuple[OutputChange, ...] = ()
 
     @classmethod
     def c2_spline(

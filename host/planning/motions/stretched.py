@@ -1,9 +1,9 @@
 """A motion made slower or faster as a whole: the same path, with all times multiplied by one factor."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import ceil, floor
-from typing import Any, Final
+from typing import Final
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import whole_ms
@@ -12,10 +12,10 @@ from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.planning.peaks import LONGEST_MS, TooLongError
 from steptwin.host.planning.trajectory import (
     DEFAULT_POINT_MS,
-    PlannedWait,
-    Switching,
+    DerivedTrajectory,
+    OutputChange,
     Trajectory,
-    expected_of,
+    Wait,
     smooth_breakpoints_ms,
     states,
     waits_of,
@@ -58,8 +58,8 @@ _WHOLE_MS: Final = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stretched:
-    """A trajectory whose duration is another one; implements Trajectory.
+class Stretched(DerivedTrajectory):
+    """A trajectory whose duration is another one.
 
     Speeds become smaller by the factor, accelerations by its square. A breakpoint that falls between two milliseconds
     becomes a breakpoint at each of them. The acceleration then jumps by some da within this millisecond, in which the
@@ -68,12 +68,10 @@ class Stretched:
     away, which is not beside another point: no record lasts a millisecond.
 
     Attributes:
-        trajectory: the trajectory itself.
-        duration_s: its new duration, a whole number of milliseconds.
+        stretched_s: its new duration, a whole number of milliseconds.
     """
 
-    trajectory: Trajectory
-    duration_s: float
+    stretched_s: float
 
     @classmethod
     def by(cls, trajectory: Trajectory, factor: float) -> "Stretched":
@@ -95,9 +93,9 @@ class Stretched:
         return self.duration_s / self.trajectory.duration_s
 
     @property
-    def joint_names(self) -> tuple[str, ...]:
-        """The trajectory's joints."""
-        return self.trajectory.joint_names
+    def duration_s(self) -> float:
+        """Its new duration."""
+        return self.stretched_s
 
     @property
     def breakpoints_s(self) -> tuple[float, ...]:
@@ -111,20 +109,15 @@ class Stretched:
         return tuple(t_ms / 1000 for t_ms in sorted(around_ms) if 0 < t_ms < end_ms)
 
     @property
-    def switchings(self) -> tuple[Switching, ...]:
+    def output_changes(self) -> tuple[OutputChange, ...]:
         """The trajectory's changes of outputs, at their new times."""
         return tuple(
             replace(change, from_s=self.factor * change.from_s, until_s=self.factor * change.until_s)
-            for change in self.trajectory.switchings
+            for change in self.trajectory.output_changes
         )
 
     @property
-    def expects(self) -> Mapping[str, Any]:
-        """What features are to find at the end, by key."""
-        return expected_of(self.trajectory)
-
-    @property
-    def waits(self) -> tuple[PlannedWait, ...]:
+    def waits(self) -> tuple[Wait, ...]:
         """The trajectory's waits, at the first whole milliseconds in their pauses; their time-outs stay."""
         return tuple(
             replace(wait, at_s=_ceil_ms(1000 * self.factor * wait.at_s) / 1000) for wait in waits_of(self.trajectory)

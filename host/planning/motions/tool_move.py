@@ -17,7 +17,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Law
 from steptwin.host.planning.paths import FreeAttitude, OutOfReachError, ToolPath
 from steptwin.host.planning.peaks import windows_ms
-from steptwin.host.planning.trajectory import Switching
+from steptwin.host.planning.trajectory import OutputChange
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics import Branch, Kinematics, make_kinematics
 from steptwin.host.robots.kinematics.base import LIMIT_TOLERANCE, Constraint
@@ -170,7 +170,7 @@ class ToolMove:
     changes: tuple[tuple[float, str], ...]
     keeps_limits: bool
 
-    switchings: ClassVar[tuple[Switching, ...]] = ()
+    output_changes: ClassVar[tuple[OutputChange, ...]] = ()
 
     @classmethod
     def along(cls, robot: Robot, path: ToolPath, law: Law, branch: str, start: FloatArray, from_s: float = 0.0) -> Self:

@@ -10,7 +10,7 @@ from steptwin.host.planning.drives import DriveAnswer
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.motions.whole import FlowingSteps
 from steptwin.host.planning.programs.paces import OnTheWay
-from steptwin.host.planning.trajectory import Switching, Trajectory
+from steptwin.host.planning.trajectory import OutputChange, Trajectory
 
 _WHOLE_MS: Final = 1e-6
 """Part of a millisecond by which a time may be after a whole one and still count as it."""
@@ -41,7 +41,7 @@ class LegTime:
     branches: BranchesOnWay = ("", ())
     passes_mm: float | None = None
     stops: bool = False
-    switched: tuple[Switching, ...] = ()
+    switched: tuple[OutputChange, ...] = ()
     drives: DriveAnswer | None = None
 
     @property
@@ -55,7 +55,7 @@ class LegTime:
         return tuple(notes)
 
 
-def switching_words(change: Switching) -> str:
+def switching_words(change: OutputChange) -> str:
     """Return a change of an output in words."""
     return f"{change.output} {'on' if change.on else 'off'} at {change.from_s:.3f} s"
 
@@ -66,7 +66,7 @@ LATE_S: Final = 0.01
 
 def switch_on_way(
     composer: Composer, outputs: Sequence[OnTheWay], times_s: Sequence[float], begins_s: float
-) -> tuple[Switching, ...]:
+) -> tuple[OutputChange, ...]:
     """Let outputs change on a motion that begins at a time of the composer's sequence; return the changes.
 
     `times_s` says when the motion is at the place of each, from its begin on. Raises InputError for a change that would
@@ -80,8 +80,8 @@ def switch_on_way(
                 f"outputs.{each.output}: ahead_s: {each.ahead_s:g} s is {-own_s:.3f} s before the motion begins"
             )
         from_s = ceil(1000 * (begins_s + own_s) - _WHOLE_MS) / 1000
-        changes.append(Switching(each.output, each.on, from_s, from_s + LATE_S, on_the_way=True))
-    composer.add_switchings(changes)
+        changes.append(OutputChange(each.output, each.on, from_s, from_s + LATE_S, on_the_way=True))
+    composer.add_output_changes(changes)
     return tuple(changes)
 
 

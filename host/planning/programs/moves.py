@@ -40,7 +40,7 @@ from steptwin.host.planning.programs.flow import LegTime, check_none_gathered, s
 from steptwin.host.planning.programs.paces import SPEED_PERCENT, JointPace, StepPace, ToolPace
 from steptwin.host.planning.programs.pallets import STATION_FRAME, Cells, Pallet
 from steptwin.host.planning.programs.positions import Beside, JointPosition, Position, Target, ToolPosition
-from steptwin.host.planning.trajectory import Switching
+from steptwin.host.planning.trajectory import OutputChange
 from steptwin.host.robots.kinematics import Branch, make_kinematics
 from steptwin.host.robots.poses import PLACE, POSITION, SCARA, Pose, Turning
 from steptwin.host.robots.robot import Robot
@@ -106,7 +106,7 @@ class Moves:
         """The step that is being added, as messages name it."""
         self.legs: FlowingSteps | None = None
         """The steps that flow into each other and have not ended yet."""
-        self.switched: tuple[Switching, ...] = ()
+        self.switched: tuple[OutputChange, ...] = ()
         """Outputs that change on the way of the last step that did not flow."""
         self.notes: tuple[str, ...] = ()
         """What else there is to say of the last step."""

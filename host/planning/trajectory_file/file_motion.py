@@ -33,7 +33,7 @@ from steptwin.host.robots.robot import Robot
 
 
 def with_ramps(motion: Trajectory, ramps_s: float) -> Sequence:
-    """Return a motion without switchings between a run-in and a run-out, each where it starts or ends at speed.
+    """Return a motion without changes of outputs between a run-in and a run-out, each where it starts or ends at speed.
 
     A ramp lasts `ramps_s`, has constant acceleration and goes straight on in joint space: the run-in begins
     v ramps_s / 2 before the motion's first position, v being the velocity there. The motion itself stays as it is.

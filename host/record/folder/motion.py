@@ -15,7 +15,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.whole_file import whole_file
 from steptwin.host.planning.plan import Plan
-from steptwin.host.planning.trajectory import Switching, Trajectory
+from steptwin.host.planning.trajectory import OutputChange, Trajectory
 from steptwin.host.planning.trajectory_file import read_trajectory_until
 from steptwin.host.planning.trajectory_file.points import TOOL_AXES, VELOCITY, derived_columns
 from steptwin.host.record.folder.layout import TRAJECTORY, existing_file
@@ -66,16 +66,16 @@ def trajectory_row(t_s: float, positions: Sequence[float], velocities: Sequence[
     return ",".join(map(repr, (t_s, *positions, *velocities))) + derived + "\n"
 
 
-def read_motion(folder: Path, robot: Robot, switchings: Sequence[Switching], until_s: float = inf) -> Trajectory:
+def read_motion(folder: Path, robot: Robot, output_changes: Sequence[OutputChange], until_s: float = inf) -> Trajectory:
     """Return the stored motion, or its part up to an instant, with the planned changes of outputs.
 
     Raises:
         InputError: the file is missing, or `read_trajectory_until` refuses it.
     """
     path = existing_file(folder, TRAJECTORY)
-    end_s = min((until_s, *(change.from_s for change in switchings if change.until_s > until_s)))
-    known = tuple(change for change in switchings if change.until_s <= end_s)
-    return replace(read_trajectory_until(end_s, path, robot), switchings=known)
+    end_s = min((until_s, *(change.from_s for change in output_changes if change.until_s > until_s)))
+    known = tuple(change for change in output_changes if change.until_s <= end_s)
+    return replace(read_trajectory_until(end_s, path, robot), output_changes=known)
 
 
 def _derived_texts(robot: Robot, t_s: FloatArray, positions: FloatArray, velocities: FloatArray) -> Iterator[str]:

@@ -12,7 +12,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import giving
-from steptwin.host.planning.trajectory import Switching, Trajectory
+from steptwin.host.planning.trajectory import OutputChange, Trajectory
 from steptwin.host.planning.trajectory_file import trajectory_of_csv
 from steptwin.host.record.folder.edges_file import evidence_until, read_edges
 from steptwin.host.record.folder.layout import EDGES, RECORDING, ROBOT, TRAJECTORY, StoppedError, existing_file
@@ -23,7 +23,7 @@ from steptwin.host.robots import load_robot_file
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import AS_PLANNED, Comparison, Evidence, Expectation, compare
 from steptwin.host.verify.counted import CountedSteps, counted_steps
-from steptwin.host.verify.switching import output_changes
+from steptwin.host.verify.switching import output_edges
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _BEFORE_COUNTS: Final = COUNTS_PER_SECOND // 1000
@@ -55,7 +55,7 @@ class CountedMotion:
         return ()
 
     @property
-    def switchings(self) -> tuple[Switching, ...]:
+    def output_changes(self) -> tuple[OutputChange, ...]:
         """None were planned."""
         return ()
 
@@ -179,7 +179,7 @@ def read_run(folder: Path, plan_folder: Path | None = None, *, counts_suffice: b
     if report.next_motion_s is not None:
         evidence = evidence_until(evidence, round(report.next_motion_s * COUNTS_PER_SECOND))
     if plan_folder is not None or report.passed is not None:  # a plan of PVT records alone has no outputs
-        evidence = replace(evidence, outputs=output_changes(robot, evidence.axes))
+        evidence = replace(evidence, outputs=output_edges(robot, evidence.axes))
     if recording is not None:
         motion, evidence = _as_far(read, motion, evidence, recording)
     stored = {
@@ -231,7 +231,7 @@ def _own_motion(folder: Path, robot: Robot, report: StoredReport) -> _ReadMotion
             raise StoppedError(f"{folder}: was {report.stop}, so there is no plan to verify: {reason}")
         raise InputError(f"{folder / TRAJECTORY}: is missing: {reason}; plan_folder=DIR takes that of another run")
     if recording is None:
-        return lambda until_s: read_motion(folder, robot, report.switchings, until_s)
+        return lambda until_s: read_motion(folder, robot, report.output_changes, until_s)
     text = recording.plan_text()
 
     def read(until_s: float) -> Trajectory:
@@ -248,5 +248,5 @@ def _motion_of(plan_folder: Path, folder: Path, report: StoredReport, robot: Rob
         )
     if read_robot(plan_folder) != robot:
         raise InputError(f"plan_folder={plan_folder}: its {ROBOT} is not that of {folder}")
-    switchings = read_report(plan_folder).switchings
-    return lambda until_s: read_motion(plan_folder, robot, switchings, until_s)
+    output_changes = read_report(plan_folder).output_changes
+    return lambda until_s: read_motion(plan_folder, robot, output_changes, until_s)

@@ -5,17 +5,17 @@ file of its own.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.features import judge_of
+from steptwin.host.common.features import giving, judge_of
 from steptwin.host.common.file_limits import REPORT_BYTES_MAX
 from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import Table, json_table
-from steptwin.host.planning.trajectory import Switching
+from steptwin.host.planning.trajectory import OutputChange
 from steptwin.host.record.folder.layout import (
     REPORT,
     VERSION_KEY,
@@ -52,29 +52,12 @@ class StoredCapture:
 
 
 @dataclass(frozen=True, slots=True)
-class StoredFault:
-    """What a report says of a fault on purpose.
-
-    Attributes:
-        name: its name in the scenario.
-        struck_s: instant of its first strike, since the motion's start or else power-up; None: it never struck.
-    """
-
-    name: str
-    struck_s: float | None
-
-    def __str__(self) -> str:
-        """Say which it was, and when."""
-        return f"{self.name}, {'never struck' if self.struck_s is None else f'struck at {self.struck_s:.3f} s'}"
-
-
-@dataclass(frozen=True, slots=True)
 class StoredReport:
     """A report read from its file.
 
     Attributes:
         run: facts of the run that the verifier cannot compute.
-        switchings: planned changes of outputs, in order of time.
+        output_changes: planned changes of outputs, in order of time.
         passed: the verdict; None if the board did not know the plan.
         driver_profile: name of the drivers on the board.
         axes: figures of each axis by name.
@@ -83,12 +66,12 @@ class StoredReport:
         recording: the recording without an end from which the report was made; None for a report from a file.
         next_motion_s: when a motion began, since power-up, that is not in the plan; None if there was none.
         capture: of a real controller's edges; None for a run that was emulated.
-        on_purpose: the faults of the run's scenario.
+        kept: what features keep of it when the run is verified again, by key.
         stop: what has stopped a live board's machine since its motion began; None if nothing has.
     """
 
     run: RunInfo
-    switchings: tuple[Switching, ...]
+    output_changes: tuple[OutputChange, ...]
     passed: bool | None
     driver_profile: str
     axes: tuple[Mapping[str, Any], ...]
@@ -97,7 +80,7 @@ class StoredReport:
     recording: UnfinishedRecording | None = None
     next_motion_s: float | None = None
     capture: StoredCapture | None = None
-    on_purpose: tuple[StoredFault, ...] = ()
+    kept: Mapping[str, Any] = field(default_factory=dict)
     stop: MachineStop | None = None
 
     @property
@@ -123,7 +106,7 @@ def _report(table: Table) -> StoredReport:
     check_version(table.values.get(VERSION_KEY))
     return StoredReport(
         run=_run(table),
-        switchings=table.each("outputs", _switching),
+        output_changes=table.each("outputs", _switching),
         passed=None if table.is_null("passed") else table.truth("passed"),
         driver_profile=table.text("driver_profile"),
         axes=table.each("axes", lambda axis: axis.values),
@@ -131,7 +114,7 @@ def _report(table: Table) -> StoredReport:
         next_motion_s=_next_motion_s(table),
         document=table.values,
         capture=_capture(table) if "capture" in table else None,
-        on_purpose=table.each("faults", _on_purpose) if "faults" in table else (),
+        kept={key: value for _, telling in giving("telling") for key, value in telling().kept(table).items()},
         stop=_stop(table) if "stopped" in table and not table.is_null("stopped") else None,
     )
 
@@ -160,7 +143,7 @@ def _capture(table: Table) -> StoredCapture:
 def _of_recording(recording: UnfinishedRecording) -> StoredReport:
     return StoredReport(
         run=recording.run_info(),
-        switchings=(),
+        output_changes=(),
         passed=None,
         driver_profile=recording.header.driver_profile,
         axes=(),
@@ -192,12 +175,8 @@ def _duration_s(table: Table, key: str) -> float:
     return value_s
 
 
-def _switching(table: Table) -> Switching:
-    return Switching(table.text("name"), table.truth("on"), table.number("from_s"), table.number("until_s"))
-
-
-def _on_purpose(table: Table) -> StoredFault:
-    return StoredFault(table.text("name"), None if table.is_null("struck_s") else table.number("struck_s"))
+def _switching(table: Table) -> OutputChange:
+    return OutputChange(table.text("name"), table.truth("on"), table.number("from_s"), table.number("until_s"))
 
 
 def _next_motion_s(table: Table) -> float | None:

@@ -1,7 +1,7 @@
 """Judge a stored run again from its files alone, and compare its report with them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -10,15 +10,10 @@ from steptwin.host.record.bus_log import count_frames
 from steptwin.host.record.folder.digests import of_other_runs
 from steptwin.host.record.folder.layout import BUS_LOG, REPORT, MachineStop, existing_file
 from steptwin.host.record.folder.reading import StoredRun, read_run
-from steptwin.host.record.folder.report_file import StoredFault, StoredReport
+from steptwin.host.record.folder.report_file import StoredReport
 from steptwin.host.verify import Report, contradictions, verify_comparison
+from steptwin.host.verify.figures import axis_figures
 from steptwin.protocol.timer import COUNTS_PER_SECOND
-
-_OF_THE_EDGES: Final = (
-    "name", "steps_start", "steps_end", "pulses", "reversals", "peak_rate_hz", "clk_high_us_min", "clk_low_us_min",
-    "violations", "mean_step_interval_us", "active_edge",
-)  # fmt: skip
-"""Figures that depend on the edges alone: verifying again gives them to the last digit."""
 
 _END_S: Final = 1e-3
 """Time by which the end of the run may be rounded in the report."""
@@ -40,7 +35,7 @@ class FolderVerdict:
         noted: what the files beside the report do not show: of a capture, the reasons that were seen in the file of the
             logic analyser alone.
         simulated: False for a capture of a real controller.
-        on_purpose: the faults of the run's scenario, from the stored report.
+        kept: what features keep of the stored report, by key.
         stop: what has stopped a live board's machine since its motion began, which cannot pass; None: nothing has.
         of_other_runs: the files with which the stored report was not written: changed, or of another run.
     """
@@ -52,7 +47,7 @@ class FolderVerdict:
     interruption: str | None = None
     noted: tuple[str, ...] = ()
     simulated: bool = True
-    on_purpose: tuple[StoredFault, ...] = ()
+    kept: Mapping[str, Any] = field(default_factory=dict)
     of_other_runs: tuple[str, ...] = ()
     stop: MachineStop | None = None
 
@@ -102,7 +97,7 @@ def verify_folder(folder: Path, plan_folder: Path | None = None) -> FolderVerdic
         interruption,
         _noted(said),
         simulated=said.capture is None,
-        on_purpose=said.on_purpose,
+        kept=said.kept,
         of_other_runs=of_other_runs(folder, said.document),
         stop=said.stop,
     )
@@ -151,6 +146,7 @@ def _differences(stored: StoredRun, report: Report) -> list[str]:
         *((each.name, said.document.get(each.name), given.get(each.name)) for each, _ in giving("judge")),
         ("speeds", said.document.get("speeds"), given.get("speeds")),
     ]
+    exact = [key for key, figure in axis_figures().items() if figure.exact]
     for axis, figures in zip(given["axes"], said.axes, strict=False):
-        pairs += [(f"{axis['name']}.{key}", figures.get(key), axis[key]) for key in _OF_THE_EDGES]
+        pairs += [(f"{axis['name']}.{key}", figures.get(key), axis[key]) for key in exact]
     return [f"{REPORT} says {key} = {old}, the files give {new}" for key, old, new in pairs if old != new]

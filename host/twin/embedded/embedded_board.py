@@ -17,7 +17,7 @@ from steptwin.host.twin.machine.evidence import axes_by_own_clocks, axes_evidenc
 from steptwin.host.twin.machine.input_changes import InputChange, set_input
 from steptwin.host.twin.machine.machine_options import AS_FILED, MachineOptions
 from steptwin.host.verify import AxisEvidence, BusReport, Evidence
-from steptwin.host.verify.switching import output_changes
+from steptwin.host.verify.switching import output_edges
 from steptwin.protocol.drivers import DriverProfile
 from steptwin.protocol.frame import COB_SYNC, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -235,4 +235,4 @@ class EmbeddedBoard:
 
     def _evidence(self, axes: tuple[AxisEvidence, ...]) -> Evidence:
         start_counts = tick_after(self._last_sync_counts() or 0)
-        return Evidence(start_counts, axes, output_changes(self.robot, axes), self._machine.features_evidence())
+        return Evidence(start_counts, axes, output_edges(self.robot, axes), self._machine.features_evidence())

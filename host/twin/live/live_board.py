@@ -17,7 +17,7 @@ from steptwin.emulator.drivers.driver_bank import AxisTrace
 from steptwin.emulator.live.live_simulation import Lateness, LiveSimulation, Pacer, warm_up
 from steptwin.emulator.operations import Operation
 from steptwin.host.common.errors import RecordingError
-from steptwin.host.common.features import MachinePart, judge_of
+from steptwin.host.common.features import MachinePart
 from steptwin.host.record.bus_log import BusLog, log_line
 from steptwin.host.record.folder import LIVE_JOB, AxisTotals, Header, Mark, Piece, Recording
 from steptwin.host.robots.board_settings import Microsteps
@@ -35,6 +35,7 @@ from steptwin.host.twin.machine.evidence import (
 )
 from steptwin.host.twin.machine.machine_options import AS_FILED, MachineOptions
 from steptwin.host.verify import AxisEvidence, RateRamps, speeds_document
+from steptwin.host.verify.figures import judged_document
 from steptwin.protocol.drivers import ActiveEdge, DriverProfile
 from steptwin.protocol.frame import FIRST_NODE_ID, Frame
 
@@ -325,7 +326,8 @@ class LiveBoard:
     def features(self) -> dict[str, Any]:
         """Return what the parts of features have seen up to their last look, under their names."""
         looked = {name: part.seen() for name, part in self.parts.items()}
-        return {name: judge_of(name).document(seen, 0) for name, seen in looked.items() if seen is not None}
+        axes = self.robot.axis_names
+        return {name: judged_document(name, seen, 0, axes) for name, seen in looked.items() if seen is not None}
 
     def lateness(self) -> dict[str, dict[str, float]]:
         """Return how late the servo ticks of motions and the board's frames were, in us of the wall clock."""

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from steptwin.emulator.bus.can_bus import Bus
-from steptwin.host.common.features import judge_of
 from steptwin.host.common.whole_file import files_together
 from steptwin.host.record.bus_log import log_line
 from steptwin.host.record.folder import (
@@ -36,7 +35,8 @@ from steptwin.host.twin.machine.boards import crystals_document
 from steptwin.host.twin.machine.emulated_machine import EmulatedMachine
 from steptwin.host.twin.machine.evidence import axes_evidence
 from steptwin.host.verify import Evidence, speeds_document
-from steptwin.host.verify.switching import output_changes
+from steptwin.host.verify.figures import judged_document
+from steptwin.host.verify.switching import output_edges
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 
@@ -148,7 +148,7 @@ class UnplannedRun:
         machine = self._machine
         self._motion.follow(machine.simulation.now_counts)
         axes = axes_evidence(machine)
-        outputs = output_changes(machine.robot, axes)
+        outputs = output_edges(machine.robot, axes)
         return Evidence(self._motion.start_counts or 0, axes, outputs, machine.features_evidence())
 
     def save(self, folder: Path | str) -> None:
@@ -203,6 +203,9 @@ class UnplannedRun:
             happened={
                 "operations": self._machine.operations.requests(),
                 **speeds_document(evidence.axes[0].rates.speeds(shown.start_counts or 0)),
-                **{name: judge_of(name).document(seen, 0) for name, seen in evidence.features.items()},
+                **{
+                    name: judged_document(name, seen, 0, self._machine.robot.axis_names)
+                    for name, seen in evidence.features.items()
+                },
             },
         )

@@ -7,7 +7,7 @@ import numpy as np
 from steptwin.bench.step_methods import AxisPulses
 from steptwin.bench.step_methods.motions import UNITS_PER_STEP, PlannedMotion
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.planning.trajectory import Switching
+from steptwin.host.planning.trajectory import OutputChange
 from steptwin.host.robots import load_robot
 
 STEPS = 100
@@ -21,7 +21,7 @@ class Line:
     joint_names: tuple[str, ...] = ("line",)
     duration_s: float = 0.1
     breakpoints_s: tuple[float, ...] = ()
-    switchings: tuple[Switching, ...] = ()
+    output_changes: tuple[OutputChange, ...] = ()
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         return 1000 * t_s[:, None]

@@ -1,11 +1,11 @@
 """Runs of a campaign: the same row every time, whatever goes wrong is in it, and each invariant can be broken."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import fields, replace
+from dataclasses import fields, make_dataclass, replace
 from math import inf
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ import pytest
 from steptwin.features.campaigns import running
 from steptwin.features.campaigns.campaign import Campaign
 from steptwin.features.campaigns.invariants import INVARIANTS, breaches_of
-from steptwin.features.campaigns.margins import MARGINS, Claim, Performance
+from steptwin.features.campaigns.margins import Claim, Performance, all_margins
 from steptwin.features.campaigns.recovery import Recovery, steps_off
 from steptwin.features.campaigns.row import Ended
 from steptwin.features.campaigns.running import perform, run_seed, run_trial
@@ -24,7 +24,8 @@ from steptwin.features.motors.options import MotorsTurn
 from steptwin.features.motors.turning import JointLoad, MotorVerdict
 from steptwin.features.motors.turning.verdict import ToolReached
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
-from steptwin.host.verify import AxisEvidence
+from steptwin.host.verify import AxisEvidence, figures, verify_comparison
+from steptwin.host.verify.figures import AxisReport, AxisRun, Figure, FigureLimit
 from steptwin.protocol.drivers import bare_chip
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from tests.features.campaigns.campaigns import SMALL, campaign_of
@@ -65,7 +66,9 @@ def test_a_healthy_run_breaks_nothing(healthy: Performance) -> None:
     assert (healthy.ended, healthy.message, breaches_of(healthy)) == (Ended.DONE, "", ())
     assert healthy.recovery == Recovery()
     assert len(healthy.claims) == 4
-    assert {name for name, margin in MARGINS.items() if margin.of(healthy) is not None} == {*MARGINS} - {"standstill"}
+    assert {name for name, margin in all_margins().items() if margin.of(healthy) is not None} == {*all_margins()} - {
+        "standstill"
+    }
 
 
 @pytest.mark.parametrize(("verified", "told"), [(True, {"threshold", "step rate"}), (False, set())])
@@ -77,7 +80,22 @@ def test_what_a_board_cannot_know_tells_no_margin_of_its_axes(
     outcome = replace(healthy.outcome, verdicts={"faults": ScenarioReport("one", 1, (fault,), ())})
     run = replace(healthy, outcome=outcome)
     of_axes = ("threshold", "step rate")
-    assert {name for name in of_axes if MARGINS[name].of(run) is not None} == told
+    assert {name for name in of_axes if all_margins()[name].of(run) is not None} == told
+
+
+def test_a_figure_with_a_limit_is_a_margin_of_the_row(healthy: Performance, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is declared in one place: as a figure of the axes' report."""
+    ended = FigureLimit("travel", "steps at the end, of a million", lambda *_: 1e6)
+    figure = Figure[AxisRun]("steps at the end", lambda axis: abs(axis.counted.end_steps), limit=ended)
+    wider = make_dataclass("Wider", [("travel_steps", Annotated[int, figure])], bases=(AxisReport,), frozen=True)
+    monkeypatch.setattr(figures, "AxisReport", wider)
+    assert healthy.outcome is not None
+    report = verify_comparison(healthy.outcome.comparison, healthy.outcome.report.run)
+    row = running.row_of(replace(healthy, outcome=replace(healthy.outcome, report=report)))
+    most = max(abs(axis.steps_end) for axis in report.axes)
+    assert list(row.margins)[:3] == ["travel", "threshold", "step rate"]
+    assert row.margins["travel"] == pytest.approx(1 - most / 1e6)
+    assert all_margins()["travel"].what == "steps at the end, of a million"
 
 
 def test_a_stopped_run_says_so_and_breaks_nothing(stopped: Performance) -> None:

@@ -48,7 +48,7 @@ class Moves:
 
     joint_names: tuple[str, ...]
     moves: list[Move] = field(default_factory=list)
-    switchings: tuple[()] = ()
+    output_changes: tuple[()] = ()
 
     @classmethod
     def random(

@@ -78,11 +78,11 @@ def test_a_tools_path_keeps_its_highest_speed() -> None:
 def test_outputs_and_waits_keep_their_place_in_the_pauses() -> None:
     motion = make_job(WAREHOUSE, "fetch")
     again = fastest_again(WAREHOUSE, motion)
-    assert [(each.output, each.on) for each in again.switchings] == [
-        (each.output, each.on) for each in motion.switchings
+    assert [(each.output, each.on) for each in again.output_changes] == [
+        (each.output, each.on) for each in motion.output_changes
     ]
     assert len(waits_of(again)) == len(waits_of(motion))
-    for before, after in zip(motion.switchings, again.switchings, strict=True):
+    for before, after in zip(motion.output_changes, again.output_changes, strict=True):
         assert after.until_s - after.from_s == pytest.approx(before.until_s - before.from_s)
         places = [each.positions(np.array([at.from_s]))[0] for each, at in ((motion, before), (again, after))]
         assert places[0] == pytest.approx(places[1], abs=1e-9)
@@ -91,7 +91,7 @@ def test_outputs_and_waits_keep_their_place_in_the_pauses() -> None:
 def test_an_output_on_the_way_is_refused() -> None:
     motion = make_job(WAREHOUSE, "drawer-pull")
     assert isinstance(motion, Sequence)
-    moving = replace(motion, switchings=(replace(motion.switchings[0], on_the_way=True),))
+    moving = replace(motion, output_changes=(replace(motion.output_changes[0], on_the_way=True),))
     complaint_of(lambda: fastest_again(WAREHOUSE, moving))
 
 

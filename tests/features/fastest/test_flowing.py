@@ -96,7 +96,7 @@ class TestOutputs:
         for law in ('law = "s-curve"', 'law = "fastest"'):
             program = compiled(line(x=-40, more=f"{outputs}\n{law}"))
             start = tool(program.trajectory.positions(np.zeros(1)))[0, 0]
-            on, off = program.trajectory.switchings
+            on, off = program.trajectory.output_changes
             assert (on.on, off.on, on.on_the_way, off.on_the_way) == (True, False, True, True)
             places = tool(program.trajectory.positions(np.array([on.from_s, off.from_s + 0.02])))[:, 0]
             assert start - places == pytest.approx([3.0, 35.0], abs=0.07)  # up to a millisecond later, at 60 mm/s
@@ -109,7 +109,7 @@ class TestOutputs:
         program = compiled(
             line(x=-40, more="blend_mm = 4") + line(y=-30, more="outputs = [{ gripper = true, at_mm = 10 }]")
         )
-        (on,) = program.trajectory.switchings
+        (on,) = program.trajectory.output_changes
         places = tool(program.trajectory.positions(np.array([0.0, on.from_s])))
         assert places[1, :2] - places[0, :2] == pytest.approx([-40.0, -10.0], abs=0.07)
 

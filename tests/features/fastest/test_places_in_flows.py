@@ -52,7 +52,7 @@ def test_outputs_behind_a_joint_move_change_where_the_tool_is_there(
     program = compiled(move + line(x, y, [*places_mm[:2], -4.0], speed=20.0))
     goal = tool(program.trajectory.positions(np.array([program.trajectory.duration_s])))[0, :3]
     begin = goal - [x, y, 0.0]
-    for change, at_mm in zip(program.trajectory.switchings, places_mm, strict=True):
+    for change, at_mm in zip(program.trajectory.output_changes, places_mm, strict=True):
         late_s = change.from_s - there_s(program, begin, goal, at_mm)
         assert -1.5e-4 <= late_s <= LATE_S
 
@@ -64,7 +64,7 @@ def test_outputs_before_a_joint_move_and_in_the_rounding_change_where_the_tool_i
     program = compiled(
         line(-40.0, 10.0, places_mm, speed=20.0, more="blend_mm = 12") + "[[step]]\ngo = { th1 = -20, d3 = 5 }\n"
     )
-    for change, at_mm in zip(program.trajectory.switchings, places_mm, strict=True):
+    for change, at_mm in zip(program.trajectory.output_changes, places_mm, strict=True):
         late_s = change.from_s - there_s(program, begin, goal, at_mm)
         assert -1.5e-4 <= late_s <= LATE_S + 0.02 * (at_mm > 29.2)  # there it passes beside the place, for some 10 ms
 

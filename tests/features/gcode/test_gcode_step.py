@@ -75,7 +75,7 @@ def test_a_square_in_its_frame_at_its_feed(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_it_runs_and_its_outputs_change_on_the_way(tmp_path: Path) -> None:
     motion = plan(ROBOT, compiled(tmp_path, SQUARE).trajectory)
-    changes = motion.trajectory.switchings
+    changes = motion.trajectory.output_changes
     at = motion.trajectory.positions(np.array([each.from_s for each in changes]))
     tool = make_kinematics(ROBOT).forward(at)
     assert [(each.output, each.on) for each in changes] == [("gripper", True), ("gripper", False)]
@@ -134,4 +134,4 @@ def test_the_pages_engraving_runs() -> None:
     motion = plan(ROBOT, compile_program(read_program(str(path)), ROBOT).trajectory)
     outcome = execute(motion, "compass")
     assert outcome.report.passed
-    assert [each.on for each in motion.trajectory.switchings] == [True, False]
+    assert [each.on for each in motion.trajectory.output_changes] == [True, False]

@@ -10,7 +10,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.trajectory import Switching, Trajectory, waits_of
+from steptwin.host.planning.trajectory import OutputChange, Trajectory, waits_of
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from tests.features.shelf.shelves import ROBOT, SHELF, with_shelf
@@ -24,7 +24,7 @@ def job(name: str, **options: str) -> Trajectory:
     return make_job(ROBOT, name, options)
 
 
-def pose_at(trajectory: Trajectory, switching: Switching) -> FloatArray:
+def pose_at(trajectory: Trajectory, switching: OutputChange) -> FloatArray:
     """Return the tool's pose in the middle of a switching, after checking that it is the same at both ends."""
     t_s = np.linspace(switching.from_s, switching.until_s, 11)
     poses = SCARA.forward(trajectory.positions(t_s))
@@ -44,9 +44,9 @@ def pose_at(trajectory: Trajectory, switching: Switching) -> FloatArray:
 @pytest.mark.parametrize("slot", ["A1", "A2", "B1", "B2"])
 def test_outputs_switch_where_they_should(name: str, switched: list[tuple[str, bool]], elbow: str, slot: str) -> None:
     trajectory = job(name, slot=slot, elbow=elbow)
-    assert [(s.output, s.on) for s in trajectory.switchings] == switched
+    assert [(s.output, s.on) for s in trajectory.output_changes] == switched
     plan(ROBOT, trajectory)  # within every limit
-    at = {(s.output, s.on): pose_at(trajectory, s) for s in trajectory.switchings}
+    at = {(s.output, s.on): pose_at(trajectory, s) for s in trajectory.output_changes}
     slides = ROBOT.places[slot]
     drawer = np.array([slides["sx"] + 275.0, 169.903810568, slides["sz"] + 60.0, 90.0])
     assert at["lock", True] == pytest.approx(drawer, abs=1e-6)
@@ -82,7 +82,7 @@ def test_slides_and_arm_never_move_together_at_the_shelf() -> None:
 
 def test_the_locked_hand_moves_straight_out() -> None:
     trajectory = job("store")
-    (lock, let_go) = [s for s in trajectory.switchings if s.output == "lock"]
+    (lock, let_go) = [s for s in trajectory.output_changes if s.output == "lock"]
     poses = SCARA.forward(trajectory.positions(np.arange(lock.until_s, let_go.from_s, 0.01)))
     assert np.ptp(poses[:, [0, 2, 3]], axis=0) == pytest.approx(np.zeros(3), abs=1e-9)
     assert np.ptp(poses[:, 1]) == pytest.approx(180.0, abs=1e-9)
@@ -118,14 +118,14 @@ def test_the_hand_over_is_not_a_slot() -> None:
 @pytest.mark.slow
 def test_every_slot_is_filled_and_emptied_in_turn() -> None:
     trajectory = job("every-slot", pick_up="pick-up", output="output")
-    switched = [(s.output, s.on) for s in trajectory.switchings]
+    switched = [(s.output, s.on) for s in trajectory.output_changes]
     stored = [("magnet", True), ("lock", True), ("magnet", False), ("lock", False)]
     fetched = [("lock", True), ("magnet", True), ("lock", False), ("magnet", False)]
     assert switched == (stored + fetched) * len(SHELF.slots)
-    at = [pose_at(trajectory, s)[0] for s in trajectory.switchings if s.output == "lock"][::4]
+    at = [pose_at(trajectory, s)[0] for s in trajectory.output_changes if s.output == "lock"][::4]
     assert at == pytest.approx([ROBOT.places[slot]["sx"] + 275.0 for slot in ("A1", "A2", "B1", "B2")])
     for first, place in ((0, "pick-up"), (7, "output")):
-        poses = [pose_at(trajectory, s)[0] for s in trajectory.switchings[first::8]]
+        poses = [pose_at(trajectory, s)[0] for s in trajectory.output_changes[first::8]]
         assert poses == pytest.approx([ROBOT.places[place]["sx"] + 290.0] * 4)
 
 

@@ -15,7 +15,7 @@ from steptwin.features.view.marks import (
     violation_marks,
 )
 from steptwin.host.record.bus_log import log_line
-from steptwin.host.verify import DriverLimit, DriverViolations, OutputChange
+from steptwin.host.verify import DriverLimit, DriverViolations, OutputEdge
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_MS
 from tests.host.record.folder.stored import EVIDENCE
@@ -63,7 +63,7 @@ def test_states_and_errors_in_the_bus_log(tmp_path: Path) -> None:
 
 
 def test_outputs_and_times_in_words() -> None:
-    marks = list(output_marks((OutputChange("lock", 72 * MS, 1), OutputChange("lock", 144 * MS, 0))))
+    marks = list(output_marks((OutputEdge("lock", 72 * MS, 1), OutputEdge("lock", 144 * MS, 0))))
     assert [(mark.who, mark.text) for mark in marks] == [("lock", "on"), ("lock", "off")]
     assert time_words(marks[0], 71 * MS) == "0.001000 s"
     assert time_words(replace(marks[0], until_counts=73 * MS), 71 * MS) == "0.001000 to 0.002000 s"

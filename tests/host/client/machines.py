@@ -7,12 +7,13 @@ import canopen
 import pytest
 from canopen.network import PeriodicMessageTask
 
-from steptwin.host.client import AxisSettings, Machine
+from steptwin.host.client import AxisSettings, Machine, MachineWiring
 from steptwin.host.common.arrays import AxisRecords
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.switches import JointSwitches
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.embedded.embedded_network import EmbeddedNetwork, RepeatedFrames
+from steptwin.protocol.cia402 import DigitalInput, DigitalOutput
 from steptwin.protocol.frame import Frame
 
 WAREHOUSE = load_robot("warehouse-scara")
@@ -26,6 +27,9 @@ SETTINGS = AxisSettings(16, 33_000, 33_666, 15_000, 15_000, 15_360_000, 10_000_0
 AXES = len(START)
 STEP = 1024
 """Units of a step at 16 microsteps."""
+WIRING = MachineWiring(
+    {"part": (TH1, DigitalInput.IN1)}, {"magnet": (TH3, DigitalOutput.OUT1), "lock": (TH3, DigitalOutput.OUT2)}
+)
 HEARTBEAT = 0x77F
 """The COB-ID of the host's heartbeat."""
 

@@ -3,14 +3,15 @@
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.host.client import Machine, OutputCommand, StreamedMotion
+from steptwin.host.client import Machine, StreamedMotion
+from steptwin.host.planning.trajectory import OutputChange
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.machine.machine_options import MachineOptions
-from steptwin.host.verify import OutputChange
+from steptwin.host.verify import OutputEdge
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalOutput
 from steptwin.protocol.frame import COB_SYNC
-from tests.host.client.machines import AXES, START, SX, TH3, WAREHOUSE, connected, frames_to, ready, still
+from tests.host.client.machines import AXES, START, SX, TH3, WAREHOUSE, WIRING, connected, frames_to, ready, still
 
 MAGNET, LOCK = DigitalOutput.OUT1, DigitalOutput.OUT2
 
@@ -27,7 +28,11 @@ def machine(board: EmbeddedBoard) -> Machine:
     return connected(board)
 
 
-def changes(board: EmbeddedBoard) -> list[OutputChange]:
+def switched(output: str, from_s: float, *, on: bool) -> OutputChange:
+    return OutputChange(output, on, from_s, from_s)
+
+
+def changes(board: EmbeddedBoard) -> list[OutputEdge]:
     board.network.send_message(COB_SYNC, b"")  # evidence counts from a SYNC
     return list(board.evidence().outputs)
 
@@ -49,11 +54,11 @@ def test_outputs_are_switched_at_their_times(board: EmbeddedBoard) -> None:
     """Each output switches within 25 ms after its time, the last one at the trajectory's end, and none before."""
     machine = ready(board)
     commands = (
-        OutputCommand(TH3, LOCK, on=True, from_s=0.5),
-        OutputCommand(TH3, MAGNET, on=True, from_s=0.21),
-        OutputCommand(TH3, MAGNET, on=False, from_s=1.0),
+        switched("lock", 0.5, on=True),
+        switched("magnet", 0.21, on=True),
+        switched("magnet", 1.0, on=False),
     )
-    run = machine.start(StreamedMotion(still(100, 10), [0] * AXES, commands))
+    run = machine.start(StreamedMotion(still(100, 10), [0] * AXES, commands, wiring=WIRING))
     while not run.ended:
         machine.wait(0.01)
     evidence = board.evidence()
@@ -66,7 +71,7 @@ def test_outputs_are_switched_at_their_times(board: EmbeddedBoard) -> None:
 def test_an_output_amid_a_record_waits_for_the_next(board: EmbeddedBoard) -> None:
     machine = ready(board)
     machine.run(
-        StreamedMotion(still(10, 200), [0] * AXES, (OutputCommand(TH3, MAGNET, on=True, from_s=0.5),)), lambda _: None
+        StreamedMotion(still(10, 200), [0] * AXES, (switched("magnet", 0.5, on=True),), wiring=WIRING), lambda _: None
     )
     evidence = board.evidence()
     assert (evidence.outputs[0].counts - evidence.start_counts) / 72e6 == pytest.approx(0.6, abs=0.02)
@@ -75,6 +80,6 @@ def test_an_output_amid_a_record_waits_for_the_next(board: EmbeddedBoard) -> Non
 def test_the_board_is_asked_only_when_it_matters(board: EmbeddedBoard) -> None:
     """The client reads the record number a few times for each output, not at every poll."""
     machine = ready(board)
-    commands = tuple(OutputCommand(TH3, MAGNET, on=bool(i % 2), from_s=0.3 * i) for i in range(1, 10))
-    machine.run(StreamedMotion(still(300, 10), [0] * AXES, commands), lambda _: None)
+    commands = tuple(switched("magnet", 0.3 * i, on=bool(i % 2)) for i in range(1, 10))
+    machine.run(StreamedMotion(still(300, 10), [0] * AXES, commands, wiring=WIRING), lambda _: None)
     assert len(frames_to(board, 0x610, bytes.fromhex("40122004"))) <= 3 * len(commands)

@@ -4,9 +4,10 @@ from collections.abc import Callable
 
 import pytest
 
-from steptwin.host.client import Machine, OutputCommand, StreamedMotion
+from steptwin.host.client import Machine, StreamedMotion
 from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
+from steptwin.host.planning.trajectory import OutputChange
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, DigitalOutput
@@ -18,6 +19,7 @@ from tests.host.client.machines import (
     TH1,
     TH2,
     TH3,
+    WIRING,
     Neighbour,
     frames_to,
     ready,
@@ -186,7 +188,7 @@ def test_an_output_waits_for_the_trajectory(board: EmbeddedBoard, machine: Machi
     """The machine is halted at the output's time, before the host knows that this time has come."""
     th3 = machine.axes[TH3]
     run = machine.start(
-        StreamedMotion(still(100, 20), [0] * AXES, (OutputCommand(TH3, DigitalOutput.OUT1, on=True, from_s=0.5),))
+        StreamedMotion(still(100, 20), [0] * AXES, (OutputChange("magnet", True, 0.5, 0.5),), wiring=WIRING)
     )
     started_s = board.now_s()
     machine.wait(0.48)

@@ -91,7 +91,7 @@ class AtFullSpeed:
     joint_names = ROBOT.joint_names
     duration_s = 1.0
     breakpoints_s = (0.2, 0.8)
-    switchings = ()
+    output_changes = ()
 
     def __init__(self, step_rate_hz: float) -> None:
         self._speed = step_rate_hz / ROBOT.joints[0].transmission.steps_per_unit

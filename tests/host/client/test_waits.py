@@ -4,25 +4,26 @@ import numpy as np
 import pytest
 
 from steptwin.emulator.operations import InputOperation
-from steptwin.host.client import InputWait, Machine, OutputCommand, StreamedMotion
+from steptwin.host.client import Machine, StreamedMotion
 from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
 from steptwin.host.client.waits import HOLD_MS, LEAD_MS, divide
 from steptwin.host.common.arrays import AxisRecords
 from steptwin.host.common.errors import DeviceFaultError, WaitTimeoutError
+from steptwin.host.planning.trajectory import OutputChange, Wait
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, DigitalOutput
 from steptwin.protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtRecord
 from tests.compiled import on_sources_only
-from tests.host.client.machines import AXES, STEP, TH1, TH3, frames_to, still, travelling
+from tests.host.client.machines import AXES, STEP, TH1, TH3, WIRING, frames_to, still, travelling
 from tests.messages import refusing
 
 DONE_UNITS = [0, 0, 0, 2 * 18 * 80 * STEP + 4 * 40 * STEP, 0, 0]
 """The end of two travels of 20 records."""
 
 
-def wait(at_s: float, timeout_s: float = 5.0, *, on: bool = True) -> InputWait:
-    return InputWait(TH1, DigitalInput.IN1, on, at_s, timeout_s, f"no part at {at_s:g} s")
+def wait(at_s: float, timeout_s: float = 5.0, *, on: bool = True) -> Wait:
+    return Wait("part", on, at_s, timeout_s, f"at {at_s:g} s")
 
 
 def joined(first: tuple[AxisRecords, ...], second: tuple[AxisRecords, ...]) -> tuple[AxisRecords, ...]:
@@ -55,7 +56,7 @@ def sent_records(board: EmbeddedBoard, axis: int) -> list[PvtRecord]:
 
 @pytest.mark.slow
 def test_all_axes_hold_the_same_records_until_the_input_has_its_level(board: EmbeddedBoard, machine: Machine) -> None:
-    run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4),)))
+    run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4),), WIRING))
     machine.wait(2.0)
     rest_units = machine.positions_units()
     assert rest_units[TH1] == DONE_UNITS[TH1] // 2
@@ -85,14 +86,14 @@ def test_all_axes_hold_the_same_records_until_the_input_has_its_level(board: Emb
 @pytest.mark.slow
 def test_an_input_that_has_its_level_costs_only_the_lead(board: EmbeddedBoard, machine: Machine) -> None:
     set_part(board, on=True)
-    machine.run(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4),)), lambda _: None)
+    machine.run(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4),), WIRING), lambda _: None)
     assert LEAD_MS <= machine.holds_ms[0] <= LEAD_MS + 2 * HOLD_MS
     assert machine.positions_units() == DONE_UNITS
 
 
 @pytest.mark.slow
 def test_a_level_that_has_gone_before_the_machine_comes_does_not_count(board: EmbeddedBoard, machine: Machine) -> None:
-    run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4),)))
+    run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4),), WIRING))
     set_part(board, on=True)
     machine.wait(0.3)
     set_part(board, on=False)
@@ -107,8 +108,10 @@ def test_a_level_that_has_gone_before_the_machine_comes_does_not_count(board: Em
 def test_waits_for_both_levels_one_after_the_other(board: EmbeddedBoard, machine: Machine) -> None:
     """At the very start, between the travels, and in the last record; outputs keep their places in the motion."""
     records = joined(joined(still(1, 10), there_and_on()), still(1, 10))
-    command = OutputCommand(TH3, DigitalOutput.OUT1, on=True, from_s=0.41)
-    run = machine.start(StreamedMotion(records, [0] * AXES, (command,), (wait(0.0), wait(0.41, on=False), wait(0.81))))
+    command = OutputChange("magnet", True, 0.41, 0.41)
+    run = machine.start(
+        StreamedMotion(records, [0] * AXES, (command,), (wait(0.0), wait(0.41, on=False), wait(0.81)), WIRING)
+    )
     machine.wait(1.0)
     assert machine.positions_units() == [0] * AXES
     set_part(board, on=True)
@@ -134,7 +137,7 @@ def test_an_early_wait_holds_as_long_as_it_must(
 ) -> None:
     """Also one that begins before the start's own records cover 250 ms; None: the input never comes on."""
     records = joined(still(round(100 * begins_s), 10), travelling(20))
-    run = machine.start(StreamedMotion(records, [0] * AXES, (), (wait(begins_s, timeout_s=1.5),)))
+    run = machine.start(StreamedMotion(records, [0] * AXES, (), (wait(begins_s, timeout_s=1.5),), WIRING))
     if on_after_s is None:
         with refusing(WaitTimeoutError):
             machine.wait(2.5)
@@ -155,7 +158,7 @@ def test_the_next_wait_may_come_at_once(board: EmbeddedBoard, machine: Machine) 
     """Waits 10 ms apart, each of which lasts most of a second."""
     records = joined(still(2, 10), travelling(20))
     waits = (wait(0.0), wait(0.01, on=False), wait(0.02))
-    run = machine.start(StreamedMotion(records, [0] * AXES, (), waits))
+    run = machine.start(StreamedMotion(records, [0] * AXES, (), waits, WIRING))
     for on_s, on in ((0.8, True), (1.6, False), (2.4, True)):
         go_on_until(machine, board, on_s)
         assert not run.ended
@@ -172,7 +175,7 @@ def test_a_time_out_is_named_though_its_last_records_are_lost(
     board: EmbeddedBoard, machine: Machine, monkeypatch: pytest.MonkeyPatch, lost: int
 ) -> None:
     """The queue of one axis then runs dry before the others: at rest, as all of them do a little later."""
-    run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=1.0),)))
+    run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=1.0),), WIRING))
     go_on_until(machine, board, 1.3)
     monkeypatch.setattr(machine.axes[lost], "send_record", lambda _payload: None)
     with refusing(WaitTimeoutError):
@@ -184,7 +187,7 @@ def test_a_time_out_is_named_though_its_last_records_are_lost(
 @pytest.mark.slow
 @pytest.mark.parametrize(("on_after_s", "passes"), [(0.9, True), (1.1, False)])
 def test_both_sides_of_the_time_out(board: EmbeddedBoard, machine: Machine, on_after_s: float, passes: bool) -> None:
-    run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=1.0),)))
+    run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=1.0),), WIRING))
     go_on_until(machine, board, 0.4 + on_after_s)
     set_part(board, on=True)
     if passes:
@@ -202,7 +205,7 @@ def test_both_sides_of_the_time_out(board: EmbeddedBoard, machine: Machine, on_a
 
 @pytest.mark.slow
 def test_the_time_out_stands_while_the_motion_is_halted(board: EmbeddedBoard, machine: Machine) -> None:
-    run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=1.0),)))
+    run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=1.0),), WIRING))
     machine.wait(0.8)
     assert pause_trajectory(machine)
     machine.wait(10.0)
@@ -219,7 +222,7 @@ def test_the_time_out_stands_while_the_motion_is_halted(board: EmbeddedBoard, ma
 @pytest.mark.parametrize(("late_ms", "passes"), [(LEAD_MS - 30, True), (LEAD_MS + 60, False)])
 def test_a_host_may_be_late_by_the_lead(board: EmbeddedBoard, machine: Machine, late_ms: int, passes: bool) -> None:
     """Beyond it the queues run dry at rest, which is said, and nothing moves."""
-    machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4),)))
+    machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4),), WIRING))
     machine.wait(1.5)
     board.wait(late_ms / 1000)
     if passes:
@@ -233,7 +236,7 @@ def test_a_host_may_be_late_by_the_lead(board: EmbeddedBoard, machine: Machine, 
 @pytest.mark.slow
 def test_a_long_wait_passes_every_sequence_number(board: EmbeddedBoard, machine: Machine) -> None:
     """Four seconds are some 360 records of standstill."""
-    run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=60.0),)))
+    run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=60.0),), WIRING))
     go_on_until(machine, board, 4.0)
     set_part(board, on=True)
     machine.wait(1.0)
@@ -245,7 +248,7 @@ def test_a_long_wait_passes_every_sequence_number(board: EmbeddedBoard, machine:
 
 
 def test_legs() -> None:
-    commands = [OutputCommand(0, DigitalOutput.OUT1, on=True, from_s=t_s) for t_s in (0.0, 0.019, 0.02, 0.05)]
+    commands = [OutputChange("magnet", True, t_s, t_s) for t_s in (0.0, 0.019, 0.02, 0.05)]
     legs = divide(still(5, 10), commands, [wait(0.0), wait(0.02)])
     assert [len(leg.records[0].durations_ms) for leg in legs] == [0, 2, 3]
     assert [[command.from_s for command in leg.outputs] for leg in legs] == [[], [0.0, 0.019], [0.02, 0.05]]

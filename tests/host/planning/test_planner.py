@@ -14,7 +14,7 @@ from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.laws import Trapezoid
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.trajectory import Switching
+from steptwin.host.planning.trajectory import OutputChange
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.joint import Transmission
 from steptwin.host.robots.robot import Robot
@@ -39,7 +39,7 @@ class OneJoint:
     duration_s: float = 1.0
     breakpoints_s: tuple[float, ...] = ()
     axis: int = TH1
-    switchings: tuple[Switching, ...] = ()
+    output_changes: tuple[OutputChange, ...] = ()
     joint_names: tuple[str, ...] = ROBOT.joint_names
 
     def positions(self, t_s: FloatArray) -> FloatArray:

@@ -21,7 +21,7 @@ def perfect_run(name: str, job: str) -> StoredRun:
     trajectory = make_job(robot, job, {})
     expected = Expectation.of(robot, trajectory)
     evidence = perfect_evidence(expected)
-    for change in trajectory.switchings:
+    for change in trajectory.output_changes:
         output = robot.outputs[change.output]
         evidence = _with_edge(evidence, output.joint, f"out{output.out}", change.from_s, change.on)
     run = RunInfo(name, job, trajectory.duration_s, BusReport(1_000_000, 0, 0.0), trajectory.duration_s, 1.0)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.planning.trajectory import Switching
+from steptwin.host.planning.trajectory import OutputChange
 from steptwin.host.record.folder.edges_file import PINS
 from steptwin.host.verify import (
     AxisEvidence,
@@ -45,7 +45,7 @@ class Motion:
     position: tuple[Scalar, ...]
     velocity: tuple[Scalar, ...]
     breakpoints_s: tuple[float, ...] = ()
-    switchings: tuple[Switching, ...] = ()
+    output_changes: tuple[OutputChange, ...] = ()
 
     @property
     def joint_names(self) -> tuple[str, ...]:

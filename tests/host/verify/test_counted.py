@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.host.verify.counted import clk_durations, counted_steps, motor_moves, pulse_facts
+from steptwin.host.verify.counted import clk_durations, counted_steps, motor_moves
 from steptwin.host.verify.evidence import NO_SLIPS, AxisEvidence, Phases, Slips
 from steptwin.protocol.drivers import ActiveEdge
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -108,11 +108,3 @@ PULSES = replace(
 def test_durations_by_the_active_edge(edge: ActiveEdge, high: list[int], low: list[int], period: list[int]) -> None:
     durations = clk_durations(replace(PULSES, active_edge=edge))
     assert [each.tolist() for each in durations] == [high, low, period]
-
-
-def test_facts_of_the_whole_evidence() -> None:
-    facts = pulse_facts(PULSES)
-    assert (facts.pulses, facts.reversals, facts.peak_rate_hz) == (3, 1, 72_000.0)
-    assert facts.mean_step_interval_us == pytest.approx(1250 / 72)
-    assert facts.clk_high_us_min == pytest.approx(100 / 72)
-    assert facts.clk_low_us_min == 12.5

@@ -4,25 +4,25 @@ from dataclasses import replace
 
 import pytest
 
-from steptwin.host.planning.trajectory import Switching
-from steptwin.host.verify import Expectation, OutputChange, verify
+from steptwin.host.planning.trajectory import OutputChange
+from steptwin.host.verify import Expectation, OutputEdge, verify
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 from tests.host.verify.motions import RUN, START_COUNTS, expect, line, motion, perfect_evidence
 
 STEADY = motion(1.0, line(0.0, 100.0))
-GRIP = Switching("gripper", on=True, from_s=0.2, until_s=0.3)
-LET_GO = Switching("gripper", on=False, from_s=0.7, until_s=0.8)
+GRIP = OutputChange("gripper", on=True, from_s=0.2, until_s=0.3)
+LET_GO = OutputChange("gripper", on=False, from_s=0.7, until_s=0.8)
 
 
-def expect_switchings(*switchings: Switching) -> Expectation:
-    return expect(replace(STEADY, switchings=switchings), 10.0)
+def expect_switchings(*output_changes: OutputChange) -> Expectation:
+    return expect(replace(STEADY, output_changes=output_changes), 10.0)
 
 
-def change(t_s: float, level: int, name: str = "gripper") -> OutputChange:
-    return OutputChange(name, START_COUNTS + round(t_s * COUNTS_PER_SECOND), level)
+def change(t_s: float, level: int, name: str = "gripper") -> OutputEdge:
+    return OutputEdge(name, START_COUNTS + round(t_s * COUNTS_PER_SECOND), level)
 
 
-def reasons(planned: tuple[Switching, ...], *made: OutputChange) -> tuple[str, ...]:
+def reasons(planned: tuple[OutputChange, ...], *made: OutputEdge) -> tuple[str, ...]:
     expected = expect_switchings(*planned)
     return verify(expected, replace(perfect_evidence(expected), outputs=made), RUN).reasons
 
@@ -51,7 +51,7 @@ def test_changes_in_time_pass(late_s: float) -> None:
         ((change(0.25, 1), change(0.75, 0), change(0.9, 1)), "outputs: 1 changes that were not planned (limit 0)"),
     ],
 )
-def test_a_change_too_early_too_late_missing_or_wrong_fails(made: tuple[OutputChange, ...], words: str) -> None:
+def test_a_change_too_early_too_late_missing_or_wrong_fails(made: tuple[OutputEdge, ...], words: str) -> None:
     assert words in reasons((GRIP, LET_GO), *made)
 
 
@@ -60,8 +60,8 @@ def test_a_change_that_was_not_planned_fails() -> None:
     assert reasons(()) == ()
 
 
-GRIP_AGAIN = Switching("gripper", on=True, from_s=0.4, until_s=0.5)
-OFF_AT_FIRST = Switching("gripper", on=False, from_s=0.05, until_s=0.1)
+GRIP_AGAIN = OutputChange("gripper", on=True, from_s=0.4, until_s=0.5)
+OFF_AT_FIRST = OutputChange("gripper", on=False, from_s=0.05, until_s=0.1)
 
 
 def test_a_level_that_an_output_has_already_needs_no_change() -> None:

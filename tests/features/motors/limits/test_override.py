@@ -17,7 +17,7 @@ from steptwin.host.planning.laws import Cubic
 from steptwin.host.planning.motions.joint_move import JointMove
 from steptwin.host.planning.plan import Plan, highest_speed
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.trajectory import PlannedWait, Switching
+from steptwin.host.planning.trajectory import OutputChange, Wait
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.board_settings import Input
 from steptwin.host.robots.robot import Robot
@@ -109,12 +109,12 @@ class Waits:
         return (self.move.duration_s,)
 
     @property
-    def switchings(self) -> tuple[Switching, ...]:
+    def output_changes(self) -> tuple[OutputChange, ...]:
         return ()
 
     @property
-    def waits(self) -> tuple[PlannedWait, ...]:
-        return (PlannedWait("part_ready", True, self.move.duration_s, 1.0),)
+    def waits(self) -> tuple[Wait, ...]:
+        return (Wait("part_ready", True, self.move.duration_s, 1.0),)
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         return self.move.positions(np.minimum(t_s, self.move.duration_s))

@@ -85,17 +85,17 @@ def test_repetitions_go_forth_and_back() -> None:
     ends = trajectory.positions(np.arange(6.0))
     assert ends[::2] == pytest.approx(np.tile(ends[0], (3, 1)))
     assert ends[1::2] == pytest.approx(np.tile(ends[1], (3, 1)))
-    assert trajectory.switchings == ()
+    assert trajectory.output_changes == ()
 
 
 def test_the_gripper_switches_only_when_lowered() -> None:
     trajectory = carry(depth_mm="20", repetitions="2")
-    assert [(s.output, s.on) for s in trajectory.switchings] == [("gripper", True), ("gripper", False)] * 2
-    for switching in trajectory.switchings:
+    assert [(s.output, s.on) for s in trajectory.output_changes] == [("gripper", True), ("gripper", False)] * 2
+    for switching in trajectory.output_changes:
         t_s = np.linspace(switching.from_s, switching.until_s, 50)
         assert trajectory.positions(t_s)[:, 2] == pytest.approx(np.full(50, 20.0))
         assert np.abs(trajectory.velocities(t_s)).max() < 1e-9
-    carried_s = np.linspace(trajectory.switchings[0].until_s, trajectory.switchings[1].from_s, 1000)
+    carried_s = np.linspace(trajectory.output_changes[0].until_s, trajectory.output_changes[1].from_s, 1000)
     turning = np.abs(trajectory.velocities(carried_s)[:, 0]) > 1e-6
     assert np.abs(trajectory.positions(carried_s)[turning, 2]).max() < 1e-9  # carried at the top
     plan(ROBOT, trajectory)

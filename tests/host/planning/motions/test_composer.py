@@ -1,4 +1,4 @@
-"""Composing a sequence: speeds of joints, positions reached, times of switchings, and moves that are refused."""
+"""Composing a sequence: speeds of joints, positions reached, times of output_changes, and moves that are refused."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from steptwin.host.planning.laws import Quintic, Trapezoid
 from steptwin.host.planning.motions.composer import JERK_TIME_S, PACE, SWITCHING_S, Composer
 from steptwin.host.planning.motions.joint_move import JointMove
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.trajectory import Switching
+from steptwin.host.planning.trajectory import OutputChange
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.kinematics import make_kinematics
@@ -153,11 +153,11 @@ def test_outputs_switch_while_the_machine_waits() -> None:
     later_s = moves.sequence().duration_s
     moves.switch("magnet", on=False)
     sequence = moves.sequence()
-    assert sequence.switchings == (
-        Switching("magnet", True, 1.25, 1.25 + SWITCHING_S),
-        Switching("magnet", False, later_s, round(later_s + SWITCHING_S, 3)),
+    assert sequence.output_changes == (
+        OutputChange("magnet", True, 1.25, 1.25 + SWITCHING_S),
+        OutputChange("magnet", False, later_s, round(later_s + SWITCHING_S, 3)),
     )
-    for switching in sequence.switchings:
+    for switching in sequence.output_changes:
         waiting_s = np.linspace(switching.from_s, switching.until_s, 31)
         assert np.ptp(sequence.positions(waiting_s), axis=0).tolist() == [0.0] * 6
         assert np.abs(sequence.velocities(waiting_s)).max() == 0.0

@@ -10,7 +10,7 @@ from steptwin.host.planning.motions.composer import WAIT_MAX_S, Composer, Sequen
 from steptwin.host.planning.motions.held import Held, Hold
 from steptwin.host.planning.motions.stretched import Stretched
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.trajectory import PlannedWait, waits_of
+from steptwin.host.planning.trajectory import Wait, waits_of
 from steptwin.host.robots import load_robot
 from tests.host.complaints import complaint_of
 from tests.messages import refusing
@@ -48,7 +48,7 @@ def test_each_instant_comes_later_by_what_stood_before_it(stood_ms: list[int]) -
     assert np.allclose(held.positions(t_s), MOTION.positions(np.array(own_ms) / 1000), atol=1e-9)
     assert np.allclose(held.velocities(t_s), MOTION.velocities(np.array(own_ms) / 1000), atol=1e-6)
     later_s = (sum(stood_ms[:2])) / 1000
-    (old,), (new,) = MOTION.switchings, held.switchings
+    (old,), (new,) = MOTION.output_changes, held.output_changes
     assert (new.from_s, new.until_s) == pytest.approx((old.from_s + later_s, old.until_s + later_s))
     assert all(0 < t_s < held.duration_s for t_s in held.breakpoints_s)
     assert sorted(held.breakpoints_s) == list(held.breakpoints_s)
@@ -80,7 +80,7 @@ def test_a_stretched_motion_waits_at_rest(factor: float) -> None:
 
 
 def test_a_wait_is_said_and_counted_as_next_to_no_time() -> None:
-    assert MOTION.waits[1] == PlannedWait("part_ready", False, MOTION.waits[1].at_s, 3.0, "step 3")
+    assert MOTION.waits[1] == Wait("part_ready", False, MOTION.waits[1].at_s, 3.0, "step 3")
     assert [str(wait) for wait in MOTION.waits] == ["part_ready on", "part_ready off", "part_ready on"]
     assert MOTION.duration_s - MOTION.waits[-1].at_s == pytest.approx(0.01)
     assert waits_of(MOTION.parts[0]) == ()

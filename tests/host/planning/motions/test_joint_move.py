@@ -32,7 +32,7 @@ def test_it_goes_from_start_to_goal_at_rest(law: Law) -> None:
     ends_s = np.array([0.0, move.duration_s])
     assert move.positions(ends_s).tolist() == [list(START), list(GOAL)]
     assert np.abs(move.velocities(ends_s)).max() == 0.0
-    assert (move.duration_s, move.breakpoints_s, move.switchings) == (law.duration_s, law.breakpoints_s, ())
+    assert (move.duration_s, move.breakpoints_s, move.output_changes) == (law.duration_s, law.breakpoints_s, ())
 
 
 @pytest.mark.parametrize("distance", [0.0, 0.5, -1.0, 90.0, np.nan])

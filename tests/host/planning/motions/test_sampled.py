@@ -52,7 +52,7 @@ class TestEveryKind:
         motion: Trajectory = made(factory, times_s, positions)
         assert motion.joint_names == NAMES
         assert motion.duration_s == times_s[-1]
-        assert motion.switchings == ()
+        assert motion.output_changes == ()
         assert motion.positions(times_s) == pytest.approx(positions, abs=1e-9)
         assert motion.velocities(times_s[[0, -1]]) == pytest.approx(0.0, abs=1e-9)  # the planner's tolerance
 

@@ -9,7 +9,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.laws import Cubic, SCurve, Trapezoid
 from steptwin.host.planning.motions.composer import Sequence, Standstill
 from steptwin.host.planning.motions.joint_move import JointMove
-from steptwin.host.planning.trajectory import Switching, Trajectory
+from steptwin.host.planning.trajectory import OutputChange, Trajectory
 from tests.host.verify.motions import motion, still
 
 NAMES = ("a", "b")
@@ -21,7 +21,7 @@ PARTS: tuple[Trajectory, ...] = (
     JointMove(NAMES, B, C, Cubic(1.0, 0.5)),
     JointMove(NAMES, C, A, SCurve(1.0, 0.8, 0.2, 0.1)),
 )
-SWITCHINGS = (Switching("gripper", True, 1.0, 1.25),)
+SWITCHINGS = (OutputChange("gripper", True, 1.0, 1.25),)
 ALL = Sequence(NAMES, PARTS, (0, 1000, 1250, 1750, 2550), SWITCHINGS)
 
 
@@ -29,7 +29,7 @@ def test_duration_breakpoints_and_switchings() -> None:
     """The breakpoints are the parts', shifted by their starts, and the times at which one part follows another."""
     assert ALL.duration_s == 2.55
     assert ALL.breakpoints_s == (0.3, 0.7, 1.0, 1.25, 1.75, 1.85, 1.95, 2.35, 2.45)
-    assert ALL.switchings == SWITCHINGS
+    assert ALL.output_changes == SWITCHINGS
 
 
 def test_each_part_moves_in_its_time() -> None:
@@ -69,7 +69,7 @@ class Asked:
     joint_names: tuple[str, ...] = ("a",)
     duration_s: float = 0.1
     breakpoints_s: tuple[float, ...] = ()
-    switchings: tuple[Switching, ...] = ()
+    output_changes: tuple[OutputChange, ...] = ()
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         return t_s[:, np.newaxis]
@@ -101,4 +101,4 @@ def test_a_pause() -> None:
     pause, t_s = Standstill(NAMES, B, 0.25), np.linspace(0.0, 0.25, 9)
     assert pause.positions(t_s).tolist() == [list(B)] * 9
     assert pause.velocities(t_s).tolist() == [[0.0, 0.0]] * 9
-    assert (pause.breakpoints_s, pause.switchings) == ((), ())
+    assert (pause.breakpoints_s, pause.output_changes) == ((), ())

@@ -47,8 +47,11 @@ def test_breakpoints_are_whole_milliseconds_around_the_true_ones() -> None:
 def test_switchings_keep_step_with_the_motion() -> None:
     motion = make_job(ROBOT, "carry", {"depth_mm": "20"})
     stretched = Stretched.by(motion, 3.0)
-    assert [(change.output, change.on) for change in stretched.switchings] == [("gripper", True), ("gripper", False)]
-    for old, new in zip(motion.switchings, stretched.switchings, strict=True):
+    assert [(change.output, change.on) for change in stretched.output_changes] == [
+        ("gripper", True),
+        ("gripper", False),
+    ]
+    for old, new in zip(motion.output_changes, stretched.output_changes, strict=True):
         assert (new.from_s, new.until_s) == pytest.approx((3 * old.from_s, 3 * old.until_s))
 
 

@@ -83,7 +83,7 @@ class TestEveryMove:
         move = moves()[name]
         assert np.abs(move.velocities(np.array([0.0, move.duration_s]))).max() == 0.0
         assert (move.duration_s, move.breakpoints_s) == (move.law.duration_s, move.law.breakpoints_s)
-        assert move.switchings == ()
+        assert move.output_changes == ()
         plan(ROBOT, move)
 
 

@@ -10,7 +10,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.programs import CompiledProgram, compile_program, compiling, parse_program
-from steptwin.host.planning.trajectory import PlannedWait
+from steptwin.host.planning.trajectory import Wait
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
@@ -192,7 +192,7 @@ def test_repetitions_and_calls_are_written_out_with_their_numbers() -> None:
 
 def test_outputs_switch_at_their_steps() -> None:
     program = compiled('[[step]]\npause = 1\n[[step]]\noutput = "gripper"\non = true')
-    (switching,) = program.trajectory.switchings
+    (switching,) = program.trajectory.output_changes
     assert (switching.output, switching.on, switching.from_s) == ("gripper", True, 1.0)
 
 
@@ -201,8 +201,8 @@ def test_a_wait_knows_its_step() -> None:
         "[[step]]\nrepeat = 2\nsteps = [{ pause = 1 }, { wait = 'part_ready', on = false, timeout_s = 2.5 }]"
     )
     assert program.trajectory.waits == (
-        PlannedWait("part_ready", False, 1.0, 2.5, "step 1.2, pass 1"),
-        PlannedWait("part_ready", False, 2.01, 2.5, "step 1.2, pass 2"),
+        Wait("part_ready", False, 1.0, 2.5, "step 1.2, pass 1"),
+        Wait("part_ready", False, 2.01, 2.5, "step 1.2, pass 2"),
     )
     assert program.steps[1].text == "wait for part_ready off"
     told = complaint("[[step]]\nwait = 'part'\non = true\ntimeout_s = 1")

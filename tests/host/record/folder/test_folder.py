@@ -77,9 +77,9 @@ class TestTheMotion:
         robot = load_robot(name)
         made = plan(robot, make_job(robot, job, {}))
         write_motion(tmp_path / "trajectory.csv", made)
-        again = read_motion(tmp_path, robot, made.trajectory.switchings)
+        again = read_motion(tmp_path, robot, made.trajectory.output_changes)
         assert again.duration_s == made.trajectory.duration_s
-        assert again.switchings == made.trajectory.switchings
+        assert again.output_changes == made.trajectory.output_changes
         t_s = np.linspace(0.0, again.duration_s, 20_001)
         off = np.abs(again.positions(t_s) - made.trajectory.positions(t_s)) * robot.steps_per_unit
         assert off.max() <= 1e-4
@@ -157,7 +157,7 @@ def test_a_run_reads_back_as_written(store_run: Path) -> None:
     assert (stored.robot.name, stored.report.run.job) == ("warehouse-scara", "store")
     assert stored.robot == load_robot("warehouse-scara")
     assert stored.report.document == document
-    assert [switching.output for switching in stored.report.switchings] == [o["name"] for o in document["outputs"]]
+    assert [switching.output for switching in stored.report.output_changes] == [o["name"] for o in document["outputs"]]
     start_s = stored.comparison.evidence.start_counts / 72e6
     changed_s = [change.counts / 72e6 - start_s for change in stored.comparison.evidence.outputs]
     assert changed_s == pytest.approx([o["changed_s"] for o in document["outputs"]])
