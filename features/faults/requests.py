@@ -355,7 +355,7 @@ def read_request(robot: "Robot", request: Mapping[str, Any]) -> Fault | None:
     return fault_of(robot, table)
 
 
-def read_fault_table(values: object, findings: Findings, base: type[Any] = FileTable) -> Any:
+def read_fault_table(values: object, findings: Findings, base: Any = FileTable) -> Any:
     """Return the table of a fault by its model, or a part of it; what is wrong goes to the findings.
 
     Raises:
