@@ -1,4 +1,4 @@
-"""Describe what the machine around a board is like: what its inputs and its sensors are given."""
+"""The environment of a board: the signals at its inputs and sensors."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -7,18 +7,18 @@ from steptwin.protocol.cia402 import DigitalInput
 
 PER_V: Final = 100
 PER_DEGC: Final = 10
-"""The board measures in these parts of a volt and of a degree."""
+"""Units per V and per degC in which the board measures."""
 
 
 @dataclass(frozen=True, slots=True)
 class AxisEnvironment:
-    """What one axis' connector is like.
+    """Signals at one axis' connector.
 
     Attributes:
-        levels: inputs that are active; for a closed switch its bit is set.
-        stuck: switches that are held at their level wherever the axis stands.
-        protect_held: True while the driver's Protect pin is held low from outside.
-        shorted: True while the motor is short-circuited.
+        levels: active inputs; a closed switch sets its bit.
+        stuck: switches held at a level, regardless of the position.
+        protect_held: True while the driver's Protect pin is held low externally.
+        shorted: True while the motor has a short circuit.
     """
 
     levels: DigitalInput
@@ -29,11 +29,15 @@ class AxisEnvironment:
 
 @dataclass(frozen=True, slots=True)
 class BoardEnvironment:
-    """What is the same for all axes of a board, and each axis.
+    """The environment of one board.
 
     Attributes:
-        bitrate: of the board's CAN controller, in bit/s; None for a board without bus.
-        payload_kg: mass of the payload; 0 if no motors turn with the boards.
+        emergency_stop: True while the e-stop input is active.
+        supply_10mv: motor supply.
+        temperature_decidegc: board temperature.
+        axes: signals at each axis' connector.
+        bitrate: bit rate of the board's CAN controller, in bit/s; None for a board without bus.
+        payload_kg: mass of the payload; 0 without motors in the loop.
     """
 
     emergency_stop: bool
