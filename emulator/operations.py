@@ -1,6 +1,6 @@
-"""Describe what is done to machines beside their bus: operations, and the instants when they are due.
+"""Operations on machines and the bus, and the schedule of their execution.
 
-Features have operations of their own: each is a subclass that says how it is done.
+Features define further operations as subclasses.
 """
 
 from collections import deque
@@ -17,41 +17,41 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Operation:
-    """Something that is done to the boards of a simulation, or to their bus, at an instant."""
+    """An operation on the boards of a simulation, or on their bus, at an instant."""
 
     once: ClassVar[bool] = False
-    """True if it is done once for the whole machine, else on every board, or on that of its axis."""
+    """True if it is executed once for the whole machine; False if on every board, or on the board of its axis."""
 
     @property
     def place(self) -> int | None:
-        """Number of the axis that it names; None if it names none."""
+        """Number of the axis on which it acts; None if it acts on no single axis."""
         axis: int | None = getattr(self, "axis", None)
         return axis
 
     def at(self, axis: int) -> Self:
-        """Return the same at another axis."""
+        """Return the same operation for another axis."""
         moved: Any = self
         same: Self = replace(moved, axis=axis)
         return same
 
     def check(self, simulation: "Simulation", number: int) -> None:
-        """Raise an error unless the machine has what it concerns; by default it always has."""
+        """Raise an error if the machine lacks the operation's target; the default accepts every machine."""
 
     def apply(self, simulation: "Simulation", number: int) -> None:
-        """Do it now; `number` is that of the board, for one that is done to a board."""
+        """Execute it now; `number` is the number of the board, if it acts on a board."""
         raise NotImplementedError
 
 
 @dataclass(frozen=True, slots=True)
 class BoardOperation(Operation):
-    """An operation on the machine of one board."""
+    """An operation on one board."""
 
     def apply(self, simulation: "Simulation", number: int) -> None:
-        """Do it now, on the board of this number."""
+        """Execute it now, on the board of this number."""
         simulation.boards[number].operate(self, simulation.now_counts)
 
     def apply_to(self, board: "Board", now_counts: int) -> None:
-        """Do it to a board; the firmware sees inputs with the next tick, measured values at once."""
+        """Execute it on a board; the firmware reads inputs with the next tick, measured values at once."""
         raise NotImplementedError
 
 
@@ -64,7 +64,7 @@ class AxisOperation(BoardOperation):
 
 @dataclass(frozen=True, slots=True)
 class InputOperation(AxisOperation):
-    """A sensor at one of an axis' general inputs (`GENERAL_INPUTS`) closes or opens; closed is active."""
+    """Close or open a sensor at one of an axis' general inputs (`GENERAL_INPUTS`); closed is active."""
 
     input: DigitalInput
     on: bool
@@ -80,15 +80,15 @@ class InputOperation(AxisOperation):
 
 @dataclass(frozen=True, slots=True)
 class BoardStart(Operation):
-    """A board that is down starts again, unless it is to stay so; nothing happens to one that runs."""
+    """Start a board that is down, unless it must stay down longer; a running board is not changed."""
 
     def apply(self, simulation: "Simulation", number: int) -> None:
-        """Let the firmware begin."""
+        """Start the firmware."""
         simulation.start(number)
 
 
 class Scheduled(NamedTuple):
-    """An operation, its instant in counts since boot, and the number of its board."""
+    """A scheduled operation: instant in counts since boot, operation, number of its board."""
 
     counts: int
     operation: Operation
@@ -96,11 +96,11 @@ class Scheduled(NamedTuple):
 
 
 class Consequence(Scheduled):
-    """An operation that follows from an earlier one, not from a request."""
+    """A scheduled operation that an earlier operation has caused."""
 
 
 class Schedule:
-    """Operations in order of time; those of one instant keep the order given."""
+    """Operations in order of time; those of one instant keep their order."""
 
     def __init__(self, scheduled: Iterable[Scheduled] = ()) -> None:
         self._waiting: deque[Scheduled] = deque()
@@ -109,19 +109,19 @@ class Schedule:
         self.add(scheduled)
 
     def add(self, scheduled: Iterable[Scheduled]) -> None:
-        """Add operations; one whose instant has passed is due at once."""
+        """Add operations; one whose instant is in the past is due at once."""
         self._waiting = deque(sorted((*self._waiting, *scheduled), key=lambda item: item.counts))
         self._find_next()
 
     def cancel(self, which: Callable[[Operation], bool]) -> None:
-        """Forget the consequences whose operation is one of these."""
+        """Remove the consequences for whose operation `which` is true."""
         self._waiting = deque(
             item for item in self._waiting if not (isinstance(item, Consequence) and which(item.operation))
         )
         self._find_next()
 
     def take_due(self, now_counts: int) -> list[Scheduled]:
-        """Return the operations that are due by now, and remove them."""
+        """Remove and return the operations that are due."""
         due = []
         while self._waiting and self._waiting[0].counts <= now_counts:
             due.append(self._waiting.popleft())

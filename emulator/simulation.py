@@ -1,8 +1,7 @@
 """Simulate boards and a bus in virtual time: one clock, one thread, events in order; equal inputs give equal bytes.
 
-The host stands outside: it sends frames, lets time pass and is given the frames that reach it. All boards are switched
-on together and count the same 72 MHz; real boards, each with its own crystal, would differ by some 20 ppm, as a
-`DriftingBoard` does.
+The host is not part of the simulation: it sends frames, advances time and receives frames. All boards are switched on
+together and count the same 72 MHz. Real boards have crystals that differ by some 20 ppm; see `DriftingBoard`.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -17,27 +16,27 @@ from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
 _SILENCE_MAX_S: Final = 1
-"""Greatest time from a frame until the bus is silent again: some 1000 frames at 125 kbit/s."""
+"""Longest wait until the bus is idle after a frame: some 1000 frames at 125 kbit/s."""
 
 
 class Participant(Protocol):
-    """Takes part in simulated time beside boards and bus: the part of a feature."""
+    """Part of a feature that takes part in simulated time."""
 
     @property
     def next_due_counts(self) -> int | None:
-        """Instant when it must be stepped even if nothing happens then; None while it waits only for events."""
+        """Instant of its next step without an event; None while it waits only for events."""
         ...
 
     def step(self, now_counts: int) -> None:
-        """See what has happened up to this instant, and act; it may operate machines, but not let time pass."""
+        """Process events up to this instant and act; it may operate machines, but not advance time."""
         ...
 
 
 class TurningRotors(Participant, Protocol):
-    """Rotors of the machine's motors that turn as they are driven, and may slip.
+    """Simulated rotors of the machine's motors, which may slip.
 
     Attributes:
-        stretch_ticks: greatest number of servo ticks that they turn at once while an axis moves.
+        stretch_ticks: largest number of servo ticks per step of the simulation while an axis moves.
         payload_kg: mass of the payload.
     """
 
@@ -45,34 +44,34 @@ class TurningRotors(Participant, Protocol):
     payload_kg: float
 
     def positions_full_steps(self) -> list[float]:
-        """Return where each rotor is since power-up, board by board."""
+        """Return the position of each rotor since power-up, board by board."""
         ...
 
     def load(self, payload_kg: float) -> None:
-        """Let the payload have another mass in kg."""
+        """Set the mass of the payload."""
         ...
 
     @property
     def work_counts(self) -> int:
-        """Instant of the next piece of `work`."""
+        """Instant from which `work` may be called next."""
         ...
 
     @property
     def pressing(self) -> bool:
-        """True if work is better done at once, a piece a tick, than all together later."""
+        """True if `work` should be called in each tick, instead of later for all ticks together."""
         ...
 
     def work(self) -> None:
-        """Do one piece, some 50 us long, of what lets the rotors follow up to now."""
+        """Simulate the rotors for one short piece of time; a call takes some 50 us."""
         ...
 
 
 _BUSY_FRAMES: Final = 500
-"""Number of frames that a busy bus carries at least in this time: the longest are 135 bits, the slowest 125 kbit/s."""
+"""Least number of frames in _SILENCE_MAX_S on a busy bus: frames have up to 135 bits, the bus at least 125 kbit/s."""
 
 
 class BusOverloadError(Exception):
-    """The bus does not fall silent: the boards' own frames keep it busy, or a frame does not get through."""
+    """The bus does not become idle: the boards' frames keep it busy, or a frame cannot be sent."""
 
 
 class Simulation:
@@ -89,42 +88,41 @@ class Simulation:
 
         Args:
             boards: the boards.
-            bus: the bus that joins them.
-            schedule: operations on their machines, and the instants of these.
-            joining: makes each further participant, if there is one, before the boards boot; in this order they are
-                stepped.
+            bus: bus that connects them.
+            schedule: operations on their machines, with their instants.
+            joining: functions that create further participants before the boards boot, in the order of their steps.
         """
         self._schedule = Schedule(schedule)
         self._down_until_counts: dict[int, int] = {}
-        """Instant before which a board that is down does not start, by its number."""
+        """By number of a board that is down, instant before which it does not start."""
         self.boards: tuple[Board, ...] = tuple(boards)
         self._lone_board = None if self.boards[1:] else self.boards[0]
         """The board, if there is only one."""
         self._late_readers = [board for board in self.boards if board.config.read_latency_counts]
-        """Boards whose processors fetch messages with a delay."""
+        """Boards whose processors read received frames with a delay."""
         self._drifting = any(board.own_clock for board in self.boards)
-        """True if the boards' servo ticks do not begin together."""
+        """True if the boards' servo ticks are not synchronous."""
         self.bus = bus
         self.now_counts: int = 0
         self.host: CanController = CanController(unheard, in_order=True)
-        """The host's interface: it takes every frame at once and sends in order, as SocketCAN's drivers do.
+        """CAN interface of the host: it receives every frame at once and sends in order, like SocketCAN's drivers.
 
-        The host sets `receive` and `on_sent` to be told of frames."""
+        The host sets its callbacks `receive` and `on_sent`."""
         bus.attach(self.host)
         for board in self.boards:
             bus.attach(board.can)
         self.rotor_watch: TurningRotors | None = None
         """The rotors, as the participant that turns them has set it; None: they are where the drivers' steps put them.
         """
-        self._stranger_station: CanController | None = None
-        self.strange: list[tuple[int, Frame]] = []
-        """Frames that the stranger has sent, with the instant when each became valid."""
+        self._rogue_controller: CanController | None = None
+        self.rogue_frames: list[tuple[int, Frame]] = []
+        """Frames that the rogue node has sent, with the instant when each became valid."""
         self._participants: tuple[Participant, ...] = ()
-        """What takes part beside boards and bus, in the order of their steps; replaced, never changed."""
+        """Participants in the order of their steps. The tuple is replaced, never changed."""
         self._step_at_once = False
-        """True if the participants must be stepped though no time passes."""
+        """True if the participants must be stepped although no time passes."""
         self.on_operation: Callable[[Scheduled], None] = lambda _: None
-        """Called with each operation on a machine as it is executed; not with what a participant does by `apply`."""
+        """Called with each executed operation, except those that a participant executes by `apply`."""
         for join in joining:
             if (participant := join(self)) is not None:
                 self.join(participant)
@@ -132,44 +130,44 @@ class Simulation:
             board.boot(0)
 
     def join(self, participant: Participant) -> None:
-        """Step a participant from now on, after all others."""
+        """Add a participant; it is stepped after all others."""
         self._participants = (*self._participants, participant)
 
     def leave(self, participant: Participant) -> None:
-        """Step a participant no more."""
+        """Remove a participant."""
         self._participants = tuple(each for each in self._participants if each is not participant)
 
     def power_cycle(self, number: int = 0) -> None:
-        """Switch a board off and on again; the other boards, the host and the clock go on."""
+        """Switch a board off and on again; the other boards, the host and the clock continue."""
         self._exchanging(number, lambda board, now_counts: board.power_cycle(now_counts))
         self._step_at_once = True
 
     def _exchanging(self, number: int, act: Callable[[Board, int], None]) -> None:
-        """Do something to a board that may leave it with another CAN controller, or with the same one again."""
+        """Call `act` on a board and attach the board's new CAN controller, if it has one, to the bus."""
         board = self.boards[number]
         before = board.can
         act(board, self.now_counts)
         self.bus.exchange(before, board.can, self.now_counts)
 
     def operate(self, operation: Operation, number: int = 0) -> None:
-        """Execute an operation on a board or its machine, or on the bus, now."""
+        """Execute a requested operation on a board or the bus now."""
         self.apply(operation, number)
         self.on_operation(Scheduled(self.now_counts, operation, number))
 
     def apply(self, operation: Operation, number: int) -> None:
-        """Execute an operation now that nobody has requested, such as a sensor's change of an input."""
+        """Execute an operation that was not requested, such as an input change by a sensor."""
         operation.apply(self, number)
         self.boards[number].poll(self.now_counts)
         if self.rotor_watch is not None:
             self.rotor_watch.step(self.now_counts)
 
     def start(self, number: int) -> None:
-        """Let a board begin that is down, unless it is to stay so."""
+        """Start a board that is down, unless it must stay down longer."""
         if self.boards[number].down and self.now_counts >= self._down_until_counts.get(number, 0):
             self._exchanging(number, lambda board, now_counts: board.start(now_counts))
 
     def take_down(self, number: int, act: Callable[[Board, int], None], for_ms: int | None) -> None:
-        """Take a board down, or keep one down that is, until a time has passed."""
+        """Take a board down by `act`, or keep it down, for a time; None for no end."""
         self._exchanging(number, act)
         until_counts = self.now_counts + (for_ms or 0) * COUNTS_PER_MS
         self._down_until_counts[number] = max(until_counts, self._down_until_counts.get(number, 0))
@@ -177,21 +175,21 @@ class Simulation:
             self.schedule([Consequence(until_counts, BoardStart(), number)])
 
     @property
-    def stranger(self) -> CanController:
+    def rogue_node(self) -> CanController:
         """A station that is no part of the machine; it is on the bus from its first frame on."""
-        if self._stranger_station is None:
-            self._stranger_station = CanController(
-                unheard, in_order=True, on_sent=lambda frame, counts: self.strange.append((counts, frame))
+        if self._rogue_controller is None:
+            self._rogue_controller = CanController(
+                unheard, in_order=True, on_sent=lambda frame, counts: self.rogue_frames.append((counts, frame))
             )
-            self.bus.attach(self._stranger_station)
-        return self._stranger_station
+            self.bus.attach(self._rogue_controller)
+        return self._rogue_controller
 
     def schedule(self, scheduled: Iterable[Scheduled]) -> None:
-        """Let operations be executed at their instants."""
+        """Add operations to the schedule."""
         self._schedule.add(scheduled)
 
     def cancel(self, which: Callable[[Operation], bool]) -> None:
-        """Let the consequences of earlier operations not happen whose operation is one of these."""
+        """Cancel the consequences of earlier operations for which `which` is true."""
         self._schedule.cancel(which)
 
     @property
@@ -200,30 +198,30 @@ class Simulation:
         return self.now_counts / COUNTS_PER_SECOND
 
     def send(self, frame: Frame) -> None:
-        """Send a frame as the host and run until the bus is silent again: answers have then arrived.
+        """Send a frame as the host and run until the bus is idle: answers have then arrived.
 
         Raises:
-            BusOverloadError: the bus does not fall silent, because the boards send more than fits on it, or because
-                a frame finds no station that takes it.
+            BusOverloadError: the bus does not become idle, because the boards send more frames than it can carry, or
+                because no station acknowledges a frame.
         """
         was_silent = not self.bus.busy
         self.host.send(frame, self.now_counts)
         if was_silent:
             self._skip_intermission()
         give_up_counts, frames = self.now_counts + _SILENCE_MAX_S * COUNTS_PER_SECOND, self.bus.frames
-        strange = len(self.strange)
-        while self.bus.busy or (self._late_readers and self._messages_wait):
+        rogue = len(self.rogue_frames)
+        while self.bus.busy or any(board.can.next_due_counts is not None for board in self._late_readers):
             if self.now_counts > give_up_counts:
-                raise BusOverloadError(self._why_no_silence(self.bus.frames - frames, len(self.strange) - strange))
+                raise BusOverloadError(self._why_no_silence(self.bus.frames - frames, len(self.rogue_frames) - rogue))
             self._advance_to(give_up_counts + 1)
 
-    def _why_no_silence(self, frames: int, strange: int) -> str:
-        """Return why the bus is not silent though so many frames, and so many of strangers, have become valid."""
+    def _why_no_silence(self, frames: int, rogue: int) -> str:
+        """Return why the bus is not silent though so many frames, and so many of a rogue node, have become valid."""
         if frames < _BUSY_FRAMES:
             return f"a frame has waited {_SILENCE_MAX_S} s for the bus: it is held back, or no station acknowledges it"
-        if 2 * strange > frames:
+        if 2 * rogue > frames:
             return (
-                f"a stranger's frames 0x{self.strange[-1][1].cob_id:03X} fill the bus: "
+                f"a rogue node's frames 0x{self.rogue_frames[-1][1].cob_id:03X} fill the bus: "
                 f"no pause for {_SILENCE_MAX_S} s; they end with the last of them, or with the repair of the bus"
             )
         return (
@@ -232,7 +230,7 @@ class Simulation:
         )
 
     def _skip_intermission(self) -> None:
-        """Go to the beginning of the frame just sent, the end of the intermission, if no board has an event before."""
+        """Advance to the end of the intermission, where the sent frame begins, if no board has an event before."""
         begin_counts = self.bus.next_event_counts
         if begin_counts is None:
             return
@@ -250,17 +248,12 @@ class Simulation:
         self.bus.step(self.now_counts)
 
     def run_until(self, until_counts: int) -> None:
-        """Let time pass up to an instant."""
+        """Advance time to an instant."""
         while self.now_counts < until_counts:
             self._advance_to(until_counts)
 
-    @property
-    def _messages_wait(self) -> bool:
-        """True while a board's processor has not yet fetched a message that has reached its CAN controller."""
-        return any(board.can.next_due_counts is not None for board in self._late_readers)
-
     def next_event_counts(self, until_counts: int) -> int:
-        """Return the instant of the next known event, or `until_counts` if that is earlier."""
+        """Return the instant of the next known event, at most `until_counts`."""
         goal, event_counts = until_counts, self.bus.next_event_counts
         if event_counts is not None and event_counts < goal:
             goal = event_counts
@@ -280,9 +273,9 @@ class Simulation:
         return goal
 
     def _advance_to(self, until_counts: int) -> None:
-        """Go to the next event, but not beyond an instant, and execute what is due there."""
+        """Advance to the next event, at most to `until_counts`, and do the work that is due there."""
         goal_counts = self.next_event_counts(until_counts)
-        # This is needed even if no time passes: a tick just computed may have left work to do.
+        # Needed even if no time passes: a tick that was just computed may have left work.
         goal_counts = goal_counts if goal_counts > self.now_counts else self.now_counts
         lone_board = self._lone_board
         now_counts = self._advance_boards(goal_counts) if lone_board is None else lone_board.advance(goal_counts)
@@ -306,11 +299,11 @@ class Simulation:
         return [full_steps for board in self.boards for full_steps in board.positions_full_steps()]
 
     def _advance_boards(self, goal_counts: int) -> int:
-        """Let time pass on all boards; return the instant that all of them have reached.
+        """Advance all boards; return the instant that all of them have reached.
 
-        A motion may need attention at any tick, and that is known only when the tick is computed. So boards that move
-        at the same time go tick by tick. A board that moves alone goes first, and those at rest follow to the instant
-        that it has reached.
+        A motion may need attention at any tick, which is known only after the tick is computed. So boards that move at
+        the same time advance tick by tick. If only one board moves, it advances first, and the boards at standstill
+        follow to the instant that it has reached.
         """
         by_motion = sorted(self.boards, key=lambda board: not board.moving)
         if by_motion[1].moving:
@@ -325,4 +318,4 @@ class Simulation:
 
 
 Joining = Callable[[Simulation], Participant | None]
-"""Makes a participant of a simulation whose boards have no power yet; None if nothing takes part."""
+"""Creates a participant of a simulation before its boards have power; returns None if there is none."""

@@ -1,8 +1,7 @@
-"""Hold the values of one node's object dictionary, with the checks of CiA 301, bound to the parts of the firmware.
+"""Hold one node's object dictionary: check values as CiA 301 asks, and connect entries to the firmware.
 
-The firmware counts in wire units, a bus master reads and writes in user units (CiA 402-2, factor group). Both meet in
-the cells of the quantities: what is stored, supplied and obeyed is in wire units, what `get` returns and `put` takes is
-in user units.
+The firmware counts in wire units. A bus master reads and writes in user units (CiA 402-2, factor group). A
+`QuantityCell` converts between both: it stores wire units, and its `get` and `put` use user units.
 """
 
 from collections.abc import Callable, Iterable
@@ -19,17 +18,17 @@ from steptwin.protocol.objects import ENTRIES
 from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
 _RESTRICTED = ((0x000, 0x07F), (0x101, 0x180), (0x581, 0x5FF), (0x601, 0x67F), (0x6E0, 0x6FF), (0x701, 0x7FF))
-"""COB-IDs that CiA 301 keeps for other services (table 40): NMT, SDO, heartbeat and those that are reserved.
+"""Restricted COB-IDs (CiA 301, table 40): NMT, SDO, heartbeat and reserved ones.
 
-080h, that of SYNC by default, and 700h, which no node's heartbeat has, are not among them.
+080h (the default of SYNC) and 700h (used by no heartbeat) are not restricted.
 """
 
 
 def check_cob_id(old: int, new: int, flags: int = 0) -> None:
     """Check whether a COB-ID entry may change from `old` to `new`.
 
-    The identifier has 11 bits and belongs to no other service; of the bits above it only `flags` and "invalid" may be
-    set. The identifier of a valid entry may not change: the entry must be made invalid first.
+    The identifier has 11 bits and must not be restricted. Above it, only the bits `flags` and "invalid" may be set. The
+    identifier of a valid entry may not change: a master must first mark the entry invalid.
 
     Raises:
         SdoAbortError: the value is refused.
@@ -42,42 +41,42 @@ def check_cob_id(old: int, new: int, flags: int = 0) -> None:
 
 
 TEXT_BYTES_MAX: Final = 64
-"""Length of the longest text that an entry takes."""
+"""Longest text that can be written to an entry."""
 
 
 @dataclass(slots=True)
 class FlashPage:
-    """A node's stored parameters by address; the page's owner keeps it while the power is off."""
+    """A node's stored parameters by address. Its owner keeps it while the power is off."""
 
     values: dict[int, int] = field(default_factory=dict)
     texts: dict[int, str] = field(default_factory=dict)
     node_id: int | None = None
-    """The node id that a master has given the node by LSS; None if none has."""
+    """Node id that a master has assigned by LSS; None if none has."""
     bitrate: int | None = None
-    """The bit rate, in bit/s, that a master has given the node's board by LSS; None if none has."""
+    """Bit rate, in bit/s, that a master has assigned to the board by LSS; None if none has."""
 
 
 _INDICES: Final = frozenset(address >> 8 for address in ENTRIES)
 _TEXTS: Final = {
     address: str(entry.default) for address, entry in ENTRIES.items() if entry.data_type is DataType.VISIBLE_STRING
 }
-"""Strings after power-up without stored ones; they do not depend on the node."""
+"""Default strings."""
 _NUMBERS: Final = [(address, int(entry.default)) for address, entry in ENTRIES.items() if address not in _TEXTS]
-"""Values of the other entries after power-up, less the node id of those that contain it."""
+"""Default numbers, before the node id is added to those of `_WITH_NODE_ID`."""
 _WITH_NODE_ID: Final = [address for address, _ in _NUMBERS if ENTRIES[address].plus_node_id]
 
 
-_OF_THE_BOARD: Final = (od.ENCODER_UNITS, od.FEED_UNITS, od.PVT_DISPLACEMENT)
-"""Entries in wire units whatever a master chooses: the encoder's, the factor itself and this board's own PVT record."""
+_ALWAYS_WIRE_UNITS: Final = (od.ENCODER_UNITS, od.FEED_UNITS, od.PVT_DISPLACEMENT)
+"""Entries that are never in user units: the encoder resolution, the feed constant and the PVT record."""
 _QUANTITIES: Final = [
-    address for address, _ in _NUMBERS if ENTRIES[address].unit in QUANTITIES and address not in _OF_THE_BOARD
+    address for address, _ in _NUMBERS if ENTRIES[address].unit in QUANTITIES and address not in _ALWAYS_WIRE_UNITS
 ]
 """Entries in user units."""
 _PURE_NUMBERS: Final = [address for address, _ in _NUMBERS if address not in _QUANTITIES]
 
 
 def _by_class(handlers: Iterable[tuple[int, str]]) -> dict[str, list[tuple[int, str]]]:
-    """Return the addresses, and the names within the class, of what "Class.name" names, by class."""
+    """Group handlers "Class.name" by class: pairs of address and name within the class."""
     by_class: dict[str, list[tuple[int, str]]] = {}
     for address, handler in handlers:
         owner, _, name = handler.partition(".")
@@ -90,11 +89,10 @@ _OBEYED_BY: Final = _by_class((address, entry.write) for address, entry in ENTRI
 
 
 class UserUnit(NamedTuple):
-    """The size of a user unit: `wire` wire units are `user` user units. The fraction has its lowest terms.
+    """The size of a user unit: `wire` wire units equal `user` user units, as a fraction in lowest terms.
 
-    A user unit is no smaller than a wire unit. So each number that a master writes is read back as it is, though both
-    conversions round, to the nearest whole number and half up: `to_user(to_wire(n)) == n`. And what the board counts
-    has no more digits in user units.
+    Both conversions round to the nearest integer, half up. A user unit is never smaller than a wire unit, so a master
+    reads back each number that it has written: `to_user(to_wire(n)) == n`.
     """
 
     wire: int = 1
@@ -102,10 +100,10 @@ class UserUnit(NamedTuple):
 
     @classmethod
     def of(cls, factors: dict[int, int]) -> "UserUnit":
-        """Return the user unit of the four factors by address.
+        """Return the user unit that the four factors, by address, define.
 
-        A position in user units is that in wire units times the feed constant (6092h), divided by the encoder
-        resolution (608Fh) and by the gear ratio (6091h); CiA 402-2.
+        CiA 402-2: position in user units = position in wire units * feed constant (6092h) / encoder resolution (608Fh)
+        / gear ratio (6091h).
         """
         wire = od.UNITS_PER_REVOLUTION * factors[od.GEAR_MOTOR_REVOLUTIONS] * factors[od.FEED_SHAFT_REVOLUTIONS]
         user = factors[od.GEAR_SHAFT_REVOLUTIONS] * factors[od.FEED_UNITS]
@@ -122,14 +120,14 @@ class UserUnit(NamedTuple):
 
 
 FACTORS: Final = (od.GEAR_MOTOR_REVOLUTIONS, od.GEAR_SHAFT_REVOLUTIONS, od.FEED_UNITS, od.FEED_SHAFT_REVOLUTIONS)
-"""The entries that make the user unit."""
+"""Entries that define the user unit."""
 _WIRE_UNIT: Final = UserUnit()
 
 
 class Cell:
-    """One numeric entry of a node: the value stored, the values allowed, and the firmware's part in it.
+    """One numeric entry of a node: its stored value, its allowed values and its firmware handlers.
 
-    The firmware uses `value` and `present`; SDO and PDO use `get` and `put`.
+    The firmware uses `value` and `present`. SDO and PDO use `get` and `put`.
     """
 
     __slots__ = ("_high", "_low", "_type", "_values", "obey", "supply", "value")
@@ -141,18 +139,18 @@ class Cell:
         self._high = entry.data_type.high if entry.high is None else entry.high
         self._values = entry.values
         self.supply: Callable[[], int] | None = None
-        """Returns the present value; None if that is the value stored."""
+        """Returns the present value; None if the stored value is the present value."""
         self.obey: Callable[[int], None] | None = None
-        """Acts on a value before it is stored, or refuses it; None if storing it is all."""
+        """Acts on a written value before it is stored, or refuses it; None if nothing acts on it."""
 
     @property
     def plain(self) -> bool:
-        """True if every value of the entry's type is allowed and storing it is all."""
+        """True if a write needs no check and triggers nothing: it may be stored directly."""
         bounded = (self._low, self._high) != (self._type.low, self._type.high)
         return not bounded and self._values is None and self.obey is None
 
     def present(self) -> int:
-        """Return the present value; one beyond the range of the entry's type is shown as the end of that range."""
+        """Return the present value, clamped to the range of the entry's type."""
         if self.supply is None:
             return self.value
         value = self.supply()
@@ -161,10 +159,10 @@ class Cell:
         return value if value >= self._type.low else self._type.low
 
     get = present
-    """Return the present value as the bus has it."""
+    """Return the present value as the bus carries it."""
 
     def put(self, value: int) -> None:
-        """Store a decoded value that came over the bus, after its checks; the firmware obeys it before it is stored.
+        """Check a value from the bus, let the firmware act on it, then store it.
 
         Raises:
             SdoAbortError: the value is not allowed or the firmware refuses it.
@@ -178,7 +176,7 @@ class Cell:
         self.value = value
 
     def count(self) -> None:
-        """Add one, unless the value is the highest of its type already."""
+        """Add one; stay at the highest value of the type."""
         if self.value < self._type.high:
             self.value += 1
 
@@ -186,14 +184,19 @@ class Cell:
 class QuantityCell(Cell):
     """A position, velocity, acceleration or jerk: in user units for the bus, in wire units for the firmware.
 
-    The end of the type's range means "off" where it is the entry's default, as of limits and windows: it is the same in
-    all units, and no other number becomes it.
+    Limits and windows have an end of their type's range as their default; there it means "off". This value is the same
+    in all units, and no conversion of another number yields it.
     """
 
     __slots__ = ("_after_end", "_off", "unit")
 
     def __init__(self, entry: Entry, *, last_included: bool) -> None:
-        """Begin with user units that are wire units; `last_included`: a range goes on to where the next unit begins."""
+        """Begin with user units equal to wire units.
+
+        Args:
+            entry: row of the object table.
+            last_included: the value is an inclusive upper end, so its unit ends where the next one begins.
+        """
         super().__init__(entry)
         self._off = entry.default if entry.default in (self._type.low, self._type.high) else None
         self._after_end = int(last_included)
@@ -210,10 +213,10 @@ class QuantityCell(Cell):
         return value if self.unit is _WIRE_UNIT or value == self._off else self._shown(value, self.unit)
 
     def put(self, value: int) -> None:
-        """Store a value in user units, after its checks; the firmware obeys and stores it in wire units.
+        """Check a value in user units, let the firmware act on it, then store it in wire units.
 
         Raises:
-            SdoAbortError: the value is not allowed, is beyond what the board can count, or the firmware refuses it.
+            SdoAbortError: the value is not allowed, exceeds the range of wire units, or the firmware refuses it.
         """
         wire_units = self.in_wire_units(value)
         if wire_units == self._off != value:
@@ -227,7 +230,7 @@ class QuantityCell(Cell):
         return self.unit.to_wire(user_units + self._after_end) - self._after_end
 
     def has_number(self, unit: UserUnit) -> bool:
-        """Return whether the value stored is a number that may be written in this unit, and not rounded to 0."""
+        """Return whether the stored value, converted to this unit, is one that may be written."""
         return self.value == self._off or self._shown(self.value, unit) >= self._low
 
     def _shown(self, value: int, unit: UserUnit) -> int:
@@ -238,8 +241,8 @@ class ObjectDictionary:
     """One node's object dictionary.
 
     The bus uses `read` and `write`, which check access, length and range and raise SdoAbortError. The firmware uses
-    `get` and `set`, which check nothing and have quantities in wire units. The rows of `od` name the firmware's part
-    that supplies an entry's present value, and the one that obeys a value written; `bind` finds them there.
+    `get` and `set`, which check nothing and use wire units. The rows of `od` name the handlers of an entry; `bind`
+    connects them.
     """
 
     def __init__(self, node_id: int, *, stored: FlashPage | None = None) -> None:
@@ -255,11 +258,11 @@ class ObjectDictionary:
         self.reset()
 
     def renumber(self, node_id: int) -> None:
-        """Take another node id, which the defaults that contain it have from the next `reset` on."""
+        """Change the node id. Defaults that contain it change with the next `reset`."""
         self._node_id = node_id
 
     def bind(self, part: object) -> None:
-        """Let a part of the firmware supply and obey the entries that name its class."""
+        """Connect a part of the firmware to the entries that name its class as a handler."""
         kind = type(part)
         for address, name in _READ_FROM.get(kind.__name__, ()):
             is_method = callable(getattr(kind, name, None))
@@ -269,7 +272,7 @@ class ObjectDictionary:
             self._cells[address].obey = _method(part, name, address)
 
     def reset(self, first_index: int = 0x1000, last_index: int = 0xFFFF) -> None:
-        """Give every entry in the index range its power-up value again, stored or default; nothing obeys it."""
+        """Set the entries of an index range to their power-up values, stored or default, without calling handlers."""
         cells, stored = self._cells, self._stored
         first, last = first_index << 8, last_index << 8 | 0xFF
         for address, value in _NUMBERS:
@@ -296,11 +299,11 @@ class ObjectDictionary:
             cell.unit = _WIRE_UNIT if unit == _WIRE_UNIT else unit
 
     def change_factor(self, address: int, value: int) -> None:
-        """Choose the user unit by one of the factors, before it is stored. Quantities stay; their numbers are others.
+        """Change the user unit before one of its factors is stored; values in wire units stay the same.
 
         Raises:
-            SdoAbortError: the unit would be smaller than a wire unit (06090030h), or so large that a value stored would
-                be rounded below the least that may be written (06040043h).
+            SdoAbortError: the unit would be smaller than a wire unit (06090030h), or so large that a stored value would
+                be rounded below its lowest allowed value (06040043h).
         """
         unit = self._unit({address: value})
         if unit.wire < unit.user:
@@ -310,12 +313,12 @@ class ObjectDictionary:
         self._take_unit(unit)
 
     def get(self, address: int) -> int:
-        """Return the present value of a numeric entry, of a quantity in wire units."""
+        """Return the present value of a numeric entry; quantities are in wire units."""
         cell = self._cells[address]
         return cell.value if cell.supply is None else cell.present()
 
     def wire_units(self, address: int, user_units: int) -> int:
-        """Return in wire units what the bus has of a quantity, such as a PDO's."""
+        """Convert a quantity's value from user units, as a PDO carries it, to wire units."""
         return self._quantities[address].in_wire_units(user_units)
 
     def text(self, address: int) -> str:
@@ -323,7 +326,7 @@ class ObjectDictionary:
         return self._texts[address]
 
     def cell(self, address: int) -> Cell:
-        """Return the place of a numeric entry, for hot paths."""
+        """Return the cell of a numeric entry, for hot paths."""
         return self._cells[address]
 
     def is_signed(self, address: int) -> bool:
@@ -331,7 +334,7 @@ class ObjectDictionary:
         return self.entries[address].data_type.signed
 
     def set(self, address: int, value: int) -> None:
-        """Store a value of the firmware's own, without checks."""
+        """Store a value from the firmware, without checks."""
         self._cells[address].value = value
 
     def read(self, address: int) -> bytes:
@@ -359,14 +362,17 @@ class ObjectDictionary:
             raise SdoAbortError(AbortCode.LENGTH_TOO_HIGH)
         data_type = self._entry(address).data_type
         if data_type is DataType.VISIBLE_STRING:
-            self._texts[address] = _visible(data)
+            text = data.rstrip(b"\0")  # a visible string: 20h to 7Eh and perhaps an end of 0 (CiA 301, table 44)
+            if any(not 0x20 <= byte <= 0x7E for byte in text):
+                raise SdoAbortError(AbortCode.VALUE_RANGE)
+            self._texts[address] = text.decode("ascii")
             return
         if len(data) < size:
             raise SdoAbortError(AbortCode.LENGTH_TOO_LOW)
         self._cells[address].put(decode(data_type, data))
 
     def size_to_write(self, address: int) -> int:
-        """Return the number of bytes that a write to an entry must have, or may have if it is a string.
+        """Return the number of bytes that a write to an entry must have; for a string, may have at most.
 
         Raises:
             SdoAbortError: the object or sub-index does not exist, or the entry is read-only.
@@ -384,14 +390,6 @@ class ObjectDictionary:
 
 
 def _method(part: object, name: str, address: int) -> Callable[..., Any]:
-    """Return a part's method, with the address of the entry if it takes it."""
+    """Return a part's method, with the entry's address bound if its name ends with "_at"."""
     method: Callable[..., Any] = getattr(part, name)
     return partial(method, address) if name.endswith("_at") else method
-
-
-def _visible(data: bytes) -> str:
-    """Return the text of a visible string (CiA 301 table 44: 20h to 7Eh, and an end of 0); refuse any other byte."""
-    text = data.rstrip(b"\0")
-    if any(not 0x20 <= byte <= 0x7E for byte in text):
-        raise SdoAbortError(AbortCode.VALUE_RANGE)
-    return text.decode("ascii")

@@ -7,7 +7,7 @@ from typing import Final
 
 
 class DataType(IntEnum):
-    """Codes of CiA 301 table 44, each with its size in bytes (0 for a string, which has any length) and its sign."""
+    """Data type codes of CiA 301, table 44: each with its size in bytes (0 for a string) and whether it is signed."""
 
     INTEGER8 = 0x02, 1, True
     INTEGER16 = 0x03, 2, True
@@ -26,7 +26,7 @@ class DataType(IntEnum):
     """Greatest value of the type."""
 
     def __new__(cls, code: int, size: int, signed: bool) -> "DataType":
-        """Make a member from its code and compute its range: two's complement if signed, else from 0."""
+        """Create a member and compute its range: two's complement if signed, else from 0."""
         member = int.__new__(cls, code)
         member._value_ = code
         member.size, member.signed = size, signed
@@ -36,14 +36,14 @@ class DataType(IntEnum):
 
 
 def encode(data_type: DataType, value: int | str) -> bytes:
-    """Return the bytes of a value that is known to lie in the type's range."""
+    """Encode a value, which must be in the type's range."""
     if isinstance(value, str):
         return value.encode("ascii")
     return value.to_bytes(data_type.size, "little", signed=data_type.signed)
 
 
 def decode(data_type: DataType, data: bytes) -> int:
-    """Return the integer in exactly `size` bytes."""
+    """Decode an integer from exactly `size` bytes."""
     return int.from_bytes(data, "little", signed=data_type.signed)
 
 
@@ -66,11 +66,11 @@ class Mapping(Enum):
 
 
 class EntryUnit(Enum):
-    """Unit of an entry's value; the member's value is the text for it in the EDS."""
+    """Unit of an entry; the member's value is its text in the EDS."""
 
     NONE = ""
     POSITION = "units"
-    """User units, which a master may choose (6091h, 6092h); by default they are wire units, of 1/16 384 full step."""
+    """User units, which a master may change (6091h, 6092h). The default is the wire unit, 1/16 384 full step."""
     VELOCITY = "units per second"
     ACCELERATION = "units per second squared"
     JERK = "units per second cubed"
@@ -93,10 +93,19 @@ class EntryUnit(Enum):
 class Entry:
     """One readable or writable value.
 
-    `title` is the name, with "{unit}" where it says the unit, and perhaps an explanation after a colon. `default` is
-    the value after power-up, with the node id added if `plus_node_id`. `low` and `high` bound the values that
-    may be written; None is the bound of the type. `values` are those allowed within the bounds, if not all are.
-    `read` and `write` name the firmware's part behind the entry (see `od`); empty: none.
+    Attributes:
+        title: name, with "{unit}" in place of the unit; an explanation may follow after a colon.
+        data_type: type on the wire.
+        access: access by SDO.
+        default: value after power-up.
+        low: lowest value that may be written; None for the type's lowest.
+        high: highest value that may be written; None for the type's highest.
+        mapping: kinds of PDO that may carry it.
+        plus_node_id: the node id is added to the default.
+        unit: its unit.
+        values: the only allowed values; None if every value within the bounds is allowed.
+        read: firmware handler that supplies the value (see `od`); empty for none.
+        write: firmware handler that acts on a written value; empty for none.
     """
 
     title: str
@@ -114,7 +123,7 @@ class Entry:
 
     @property
     def name(self) -> str:
-        """The name as the EDS gives it, such as "Displacement in units"."""
+        """The name in the EDS, such as "Displacement in units"."""
         return self.title.format(unit=self.unit.value)
 
     @property
@@ -128,7 +137,7 @@ QUANTITIES: Final = frozenset((EntryUnit.POSITION, EntryUnit.VELOCITY, EntryUnit
 
 
 class ObjectCode(Enum):
-    """Codes of CiA 301 for how an object is made up."""
+    """Object codes of CiA 301: one value, values of one type, values of several types."""
 
     VARIABLE = 7
     ARRAY = 8
@@ -137,7 +146,7 @@ class ObjectCode(Enum):
 
 @dataclass(frozen=True, slots=True)
 class DictionaryObject:
-    """An index of the dictionary with its entries by sub-index; a variable has only entry 0."""
+    """An object: its index, and its entries by sub-index. A variable has only sub-index 0."""
 
     index: int
     name: str

@@ -1,9 +1,8 @@
-"""Describe the nodes to other programs, from the object table: electronic data sheet (EDS) and CAN database (DBC).
+"""Write the electronic data sheet (EDS) and the CAN database (DBC) of the nodes from the object table.
 
-The data sheet is an axis node's (CiA 306-1). By the database loggers and analysers name the signals of a board's
-traffic. Each axis has its PDOs in their default mapping, its emergency, its heartbeat and its SDO; NMT and SYNC are
-shared. An axis may say how many wire units make one mm or degree: positions and speeds are then decoded in mm or
-degrees.
+The EDS describes an axis node (CiA 306-1). Loggers and analysers use the DBC to name the signals of a board. The DBC
+has each axis' PDOs in their default mapping, its emergency, its heartbeat and its SDO; NMT and SYNC are shared. If an
+axis gives its wire units per mm or degree, positions and speeds are decoded in mm or degrees.
 """
 
 import configparser
@@ -36,21 +35,22 @@ _MANDATORY = frozenset(address >> 8 for address in (od.DEVICE_TYPE, od.ERROR_REG
 _MANUFACTURER_FIRST, _MANUFACTURER_LAST = 0x2000, 0x5FFF
 _PDO_MAPPINGS = frozenset(od.RPDO_MAPPING + od.TPDO_MAPPING)
 _RATES_KBIT = (10, 20, 50, 125, 250, 500, 800, 1000)
-_OF_ONE_KIND = {Mapping.RECEIVE: "rww", Mapping.TRANSMIT: "rwr"}
+_PDO_ACCESS = {Mapping.RECEIVE: "rww", Mapping.TRANSMIT: "rwr"}
+"""Access of read-write entries that only one kind of PDO may map (CiA 306)."""
 _FILE_DATE = {"Time": "12:00AM", "Date": "01-01-2026"}
-"""A fixed date, so that the same table always gives the same bytes."""
+"""A fixed date: the same table must always give the same bytes."""
 MASTER = "Master"
 _WIRE_UNIT = "1/16384 full step"
 _RPDO_PURPOSES = ("Control", "SyncControl", "SyncTarget", "Pvt")
 _TPDO_PURPOSES = ("Status", "SyncActual", "PvtStatus", "Inputs")
 
 _SPEEDS = {EntryUnit.VELOCITY: 1.0, EntryUnit.PVT_VELOCITY: 1000.0 / VELOCITY_PER_UNIT_PER_MS}
-"""Units of speed, with the factor that turns each into wire units per second."""
+"""Factors from each unit of speed to wire units per second."""
 _TIMES = (EntryUnit.MS, EntryUnit.US)
 
 
 def render_eds() -> str:
-    """Return the EDS text that serves every axis node; node-dependent defaults read `$NODEID+...`."""
+    """Return the EDS text, which is valid for every axis node: defaults with the node id read `$NODEID+...`."""
     eds = configparser.RawConfigParser()
     eds.optionxform = str  # type: ignore[assignment,method-assign]  # keys keep their case, as configparser documents
     eds["FileInfo"] = _file_info()
@@ -144,9 +144,12 @@ def _entry(entry: Entry) -> dict[str, str]:
     default = str(entry.default)
     if isinstance(entry.default, int) and entry.default >= 1 << 16:
         default = f"0x{entry.default:X}"
+    access: str = entry.access.value
+    if entry.access is Access.READ_WRITE:
+        access = _PDO_ACCESS.get(entry.mapping, access)
     text = {
         "DataType": f"0x{entry.data_type:04X}",
-        "AccessType": _access(entry),
+        "AccessType": access,
         "DefaultValue": f"$NODEID+{default}" if entry.plus_node_id else default,
         "PDOMapping": str(int(entry.mapping is not Mapping.NONE)),
     }
@@ -157,18 +160,12 @@ def _entry(entry: Entry) -> dict[str, str]:
     return text
 
 
-def _access(entry: Entry) -> str:
-    """Return the access to an entry; CiA 306 has words of its own for those that one kind of PDO only takes."""
-    access: str = entry.access.value
-    return _OF_ONE_KIND.get(entry.mapping, access) if entry.access is Access.READ_WRITE else access
-
-
 @dataclass(frozen=True, slots=True)
 class AxisNames:
     """Name and unit of an axis in the database.
 
     Attributes:
-        name: first part of the names of the axis' messages.
+        name: prefix of the axis' message names.
         unit: "mm" or "deg"; empty for wire units.
         units_per_unit: number of wire units in one `unit`; 1 for wire units.
         note: comment on the axis, without quotes; empty for none.
@@ -210,7 +207,13 @@ class _Message:
 
 def render_dbc(axes: tuple[AxisNames, ...]) -> str:
     """Return the DBC text of a board with these axes; node ids count from the default first one."""
-    messages = [*_shared(), *(m for i, axis in enumerate(axes) for m in _axis_messages(axis, FIRST_NODE_ID + i))]
+    command = (_Signal("Command", 0, 8, signed=False), _Signal("NodeId", 8, 8, signed=False))
+    messages = [
+        _Message(COB_NMT, "NMT", 2, MASTER, command),
+        _Message(COB_SYNC, "SYNC", 0, MASTER, ()),
+        _heartbeat(HOST_NODE_ID, MASTER),
+        *(message for i, axis in enumerate(axes) for message in _axis_messages(axis, FIRST_NODE_ID + i)),
+    ]
     parts = [
         'VERSION ""',
         "NS_ :",
@@ -221,15 +224,6 @@ def render_dbc(axes: tuple[AxisNames, ...]) -> str:
         "\n".join(_value_tables(messages)),
     ]
     return "\n\n".join(parts) + "\n"
-
-
-def _shared() -> list[_Message]:
-    command = (_Signal("Command", 0, 8, signed=False), _Signal("NodeId", 8, 8, signed=False))
-    return [
-        _Message(COB_NMT, "NMT", 2, MASTER, command),
-        _Message(COB_SYNC, "SYNC", 0, MASTER, ()),
-        _heartbeat(HOST_NODE_ID, MASTER),
-    ]
 
 
 def _heartbeat(node_id: int, name: str) -> _Message:
@@ -276,17 +270,12 @@ def _signal(axis: AxisNames, entry: Entry, first_bit: int) -> _Signal:
         factor, unit = _SPEEDS[entry.unit] / axis.units_per_unit, f"{axis.unit or _WIRE_UNIT}/s"
     elif entry.unit in _TIMES:
         unit = entry.unit.value
-    name = _identifier(entry.short_name)
+    name = "".join(word[0].upper() + word[1:] for word in re.findall(r"[A-Za-z0-9]+", entry.short_name))
     return _Signal(name, first_bit, 8 * entry.data_type.size, entry.data_type.signed, factor, unit)
 
 
-def _identifier(name: str) -> str:
-    """Return a DBC name from an object's: its words without spaces and signs, each beginning with a capital."""
-    return "".join(word[0].upper() + word[1:] for word in re.findall(r"[A-Za-z0-9]+", name))
-
-
 def _value_tables(messages: list[_Message]) -> Iterator[str]:
-    """Name the values of NMT commands and states; a DBC cannot name drive states, which need a mask."""
+    """Yield names for the values of NMT commands and states. A DBC cannot name drive states: they need a mask."""
     commands = " ".join(f'{command.value} "{command.name}"' for command in NmtCommand)
     yield f"VAL_ {COB_NMT} Command {commands} ;"
     states = " ".join(f'{state.value} "{state.name}"' for state in NmtState)

@@ -1,8 +1,8 @@
-"""Watch the heartbeats of other nodes and notice when one is lost (CiA 301, section 7.2.8.3.2).
+"""Monitor the heartbeats of other nodes (CiA 301, section 7.2.8.3.2).
 
 The consumer heartbeat time (1016h) names the producers: node id in bits 16 to 23, time in ms in bits 0 to 15. An entry
-with a time of 0 or a node id outside of 1 to 127 is unused. Watching begins with a producer's first heartbeat, and
-again with the next one after a loss. A boot-up message does not count: its sender has just restarted.
+with a time of 0 or a node id outside of 1 to 127 is unused. Monitoring starts with a producer's first heartbeat; after
+a loss it starts again with the next one. A boot-up message does not count: its sender has just restarted.
 """
 
 from dataclasses import dataclass
@@ -29,25 +29,25 @@ class _Watch:
 
 
 class HeartbeatConsumer:
-    """Watches the producers that the consumer heartbeat time (1016h) names."""
+    """Monitors the heartbeat producers that 1016h names."""
 
     def __init__(self, dictionary: ObjectDictionary) -> None:
         self._dictionary = dictionary
         self._watches: dict[int, _Watch] = {}
-        """Watched producers, by the address of the entry that names each."""
+        """Producers by the address of the entry that names them."""
         dictionary.bind(self)
         self.changed: bool = True
-        """True when the set of producers may have changed; the reader resets it."""
+        """True if the set of producers may have changed; the reader resets it."""
 
     def restart(self) -> None:
-        """Watch the producers that the dictionary names, each from its next heartbeat on."""
+        """Monitor the producers that the dictionary names, each from its next heartbeat on."""
         self._watches.clear()
         for address in od.CONSUMER_HEARTBEATS:
             self._watch(address, self._dictionary.get(address))
 
     @property
     def producers(self) -> list[int]:
-        """Node ids of the watched producers."""
+        """Node ids of the monitored producers."""
         return [watch.node_id for watch in self._watches.values()]
 
     @property
@@ -57,7 +57,7 @@ class HeartbeatConsumer:
 
     @property
     def due_us(self) -> int | None:
-        """Instant when the next producer counts as lost if it stays silent; None if none is awaited."""
+        """Instant of the next heartbeat time-out; None if no heartbeat is awaited."""
         due_us: int | None = None
         for watch in self._watches.values():
             deadline_us = watch.deadline_us
@@ -66,7 +66,7 @@ class HeartbeatConsumer:
         return due_us
 
     def receive(self, node_id: int, data: bytes, now_us: int) -> bool:
-        """Take a heartbeat of a node; return True if the node was lost and is back."""
+        """Process a heartbeat; return True if its node was lost and is back."""
         if len(data) != 1 or data[0] & _STATE_MASK == NmtState.INITIALISING:
             return False
         for watch in self._watches.values():
@@ -77,7 +77,7 @@ class HeartbeatConsumer:
         return False
 
     def poll(self, now_us: int) -> list[int]:
-        """Return the node ids of the producers that have become lost by now, each once."""
+        """Return the node ids of the producers whose heartbeat has timed out since the last call."""
         late = [w for w in self._watches.values() if w.deadline_us is not None and w.deadline_us <= now_us]
         for watch in late:
             watch.deadline_us = None
@@ -85,7 +85,7 @@ class HeartbeatConsumer:
         return [watch.node_id for watch in late]
 
     def watch_at(self, address: int, word: int) -> None:
-        """Watch another producer; a node may be named once (abort code of CiA 301, section 7.5.2.16)."""
+        """Monitor the producer of an entry; refuse a node that another entry names (CiA 301, section 7.5.2.16)."""
         node_id = _node_of(word)
         if node_id and any(w.node_id == node_id for i, w in self._watches.items() if i != address):
             raise SdoAbortError(AbortCode.INCOMPATIBLE)

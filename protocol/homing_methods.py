@@ -14,31 +14,31 @@ from steptwin.protocol.cia402 import DigitalInput
 POSITIVE, NEGATIVE = 1, -1
 
 NO_HOMING: Final = 0
-"""Value of the homing method (6098h) of an axis that needs no homing: it is no method, and sets no position."""
+"""Homing method (6098h) 0: no homing. It sets no position."""
 HOME_HERE: Final = 37
-"""Number of the method that takes the present position as home."""
+"""Homing method 37: the present position becomes home."""
 HOME_HERE_OBSOLETE: Final = 35
-"""Old number of the same method."""
+"""Old number of method 37."""
 
 
 @dataclass(frozen=True, slots=True)
 class HomingMethod:
-    """The switch edge that is home, and the way of the axis to it."""
+    """The switch edge that defines home, and how the axis searches for it."""
 
     switch: DigitalInput
     edge_direction: int
-    """Direction of the axis when it crosses the edge that is home."""
+    """Direction in which the axis crosses the edge."""
     closes: bool
-    """True if the switch closes when the axis crosses the edge in that direction, False if it opens."""
+    """True if the switch closes when the axis crosses the edge in `edge_direction`, False if it opens."""
     search_direction: int
-    """Direction of the first search for the switch, if the switch is open at the start."""
+    """Direction of the first search, if the switch is open at the start."""
     turns: bool = False
-    """True if the search turns round at the limit switch ahead. The method then needs that limit switch, and a home
-    switch with two edges."""
+    """True if the search reverses at the limit switch ahead. The method then needs that limit switch and a home switch
+    with two edges."""
 
     @property
     def at_lower_edge(self) -> bool:
-        """True if home is the lower edge of the stretch over which the switch is closed, False if it is the upper."""
+        """True if home is the lower edge of the range in which the switch is closed, False if the upper edge."""
         return (self.edge_direction == POSITIVE) is self.closes
 
 
@@ -62,4 +62,4 @@ HOMING_METHODS: Final[dict[int, HomingMethod | None]] = {
     HOME_HERE_OBSOLETE: None,
     HOME_HERE: None,
 }
-"""Methods by their number, the value of the homing method (6098h); None: home is where the axis stands."""
+"""Methods by their number in 6098h; None: the present position becomes home."""

@@ -1,7 +1,7 @@
-"""Layer setting services (CiA 305): the frames by which a master finds nodes and gives them node ids.
+"""Layer setting services (CiA 305): frames with which a master finds nodes and assigns their node ids.
 
-A request comes on 7E5h and every node of the bus hears it; an answer goes on 7E4h. Both have eight bytes: the command,
-then its data, little-endian, then zeros.
+A master sends requests on 7E5h to all nodes of the bus; a node answers on 7E4h. Both frames have eight bytes: the
+command, its data in little-endian order, then zeros.
 """
 
 import struct
@@ -11,12 +11,12 @@ from typing import Final, NamedTuple
 COB_LSS_RESPONSE: Final = 0x7E4
 COB_LSS_REQUEST: Final = 0x7E5
 UNCONFIGURED: Final = 0xFF
-"""The node id of a node that has none yet: it only takes part in these services."""
+"""Node id of a node that has none yet; it only uses LSS."""
 LSS_BYTES: Final = 8
 FAST_SCAN_START: Final = 0x80
-"""The bit number by which a fast scan begins: every node without a node id answers."""
+"""Bit number that starts a fast scan: every node without a node id answers."""
 BIT_TIMINGS: Final = {0: 1_000_000, 2: 500_000, 3: 250_000, 4: 125_000}
-"""The bit rates that a board can have, in bit/s, by their index in CiA 305's table of bit timings, which is table 0."""
+"""Bit rates of a board, in bit/s, by their index in the bit timing table of CiA 305 (table 0)."""
 
 
 class LssCommand(IntEnum):
@@ -32,7 +32,7 @@ class LssCommand(IntEnum):
     SELECT_REVISION = 0x42
     SELECT_SERIAL = 0x43
     SELECTED = 0x44
-    """The answer of a node that has been selected by all four."""
+    """Answer of the node that all four SELECT commands have selected."""
     IDENTIFY_VENDOR = 0x46
     IDENTIFY_PRODUCT = 0x47
     IDENTIFY_REVISION_LOW = 0x48
@@ -41,7 +41,7 @@ class LssCommand(IntEnum):
     IDENTIFY_SERIAL_HIGH = 0x4B
     IDENTIFY_UNCONFIGURED = 0x4C
     IDENTIFIED = 0x4F
-    """The answer of a node within the ranges asked for, and of one that a fast scan has not ruled out."""
+    """Answer of a node within the identified ranges, or of a node that a fast scan has not excluded."""
     UNCONFIGURED_IDENTIFIED = 0x50
     FAST_SCAN = 0x51
     INQUIRE_VENDOR = 0x5A
@@ -52,16 +52,17 @@ class LssCommand(IntEnum):
 
 
 class ConfigureError(IntEnum):
-    """Error codes of "configure node-id" and "configure bit timing"; of "store", 2 is a failure of the memory."""
+    """Error codes of "configure node-id", "configure bit timing" and "store"."""
 
     NONE = 0
     REFUSED = 1
-    """The node id is out of range, the bit timing is not supported."""
+    """The node id is out of range, or the bit timing is not supported."""
     STORAGE = 2
+    """Of "store": the memory has failed."""
 
 
 class LssRequest(NamedTuple):
-    """A request: its command, the byte, word or 32-bit number that follows it, and the last bytes of a fast scan."""
+    """A request: its command, the number after it (as a byte and as 32 bits), and the last bytes of a fast scan."""
 
     command: LssCommand
     byte: int
@@ -82,7 +83,7 @@ class LssRequest(NamedTuple):
 
 
 def decode_request(data: bytes) -> LssRequest | None:
-    """Return a request; None for a frame of another length or with a command that this node does not know."""
+    """Decode a request; return None if the frame's length is wrong or its command unknown."""
     if len(data) != LSS_BYTES or data[0] not in _COMMANDS:
         return None
     command, number, bit, part, next_part = struct.unpack("<BIBBB", data)
@@ -90,7 +91,7 @@ def decode_request(data: bytes) -> LssRequest | None:
 
 
 def encode_answer(command: LssCommand, data: bytes = b"") -> bytes:
-    """Return the bytes of an answer."""
+    """Encode an answer of eight bytes."""
     return (bytes((command,)) + data).ljust(LSS_BYTES, b"\0")
 
 

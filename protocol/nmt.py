@@ -4,7 +4,7 @@ from enum import IntEnum
 
 
 class NmtState(IntEnum):
-    """A node's state; the value is its code in the heartbeat."""
+    """NMT state of a node; the value is its code in the heartbeat."""
 
     INITIALISING = 0
     STOPPED = 4
@@ -23,10 +23,10 @@ class NmtCommand(IntEnum):
 
 
 class ErrorBehaviour(IntEnum):
-    """State after a communication error: error behaviour (1029h:01, CiA 301, section 7.5.2.27)."""
+    """NMT state to enter after a communication error (1029h:01, CiA 301, section 7.5.2.27)."""
 
     PRE_OPERATIONAL = 0
-    """Applies in OPERATIONAL only."""
+    """Only if the node is OPERATIONAL."""
     NO_CHANGE = 1
     STOPPED = 2
 
@@ -38,13 +38,13 @@ _TARGETS = {
     NmtCommand.RESET_NODE: NmtState.INITIALISING,
     NmtCommand.RESET_COMMUNICATION: NmtState.INITIALISING,
 }
-"""State after each command, from any state; INITIALISING leads on to PRE-OPERATIONAL by itself."""
+"""State after each command, from any state. INITIALISING changes to PRE-OPERATIONAL by itself."""
 
 _COMMANDS = frozenset(NmtCommand)
 
 
 def command_for(data: bytes, node_id: int) -> NmtCommand | None:
-    """Return the command of an NMT frame; None if it is malformed, unknown or for another node (0 means all nodes)."""
+    """Decode an NMT command; return None if it is malformed, unknown or addresses another node (0: all nodes)."""
     if len(data) != 2 or data[0] not in _COMMANDS or data[1] not in (0, node_id):
         return None
     return NmtCommand(data[0])
@@ -72,12 +72,12 @@ class HeartbeatProducer:
         self.due_us: int | None = None
 
     def set_period(self, period_us: int, now_us: int) -> None:
-        """Take a new producer heartbeat time (1017h); the first heartbeat is due at once."""
+        """Set the producer heartbeat time (1017h); the first heartbeat is due at once."""
         self.period_us = period_us
         self.due_us = now_us if period_us else None
 
     def poll(self, now_us: int) -> bool:
-        """Return True if a heartbeat is due now."""
+        """Return whether a heartbeat is due now; then schedule the next one."""
         if self.due_us is None or now_us < self.due_us:
             return False
         self.due_us += self.period_us

@@ -1,4 +1,4 @@
-"""The PDOs after power-up, and the whole object dictionary: the rows of `od` and those of the PDOs' parameters."""
+"""The default PDOs, and the whole object dictionary: the rows of `od` and the parameters of the PDOs."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,20 +13,20 @@ from steptwin.protocol.od import U8, U16, U32
 SYNCHRONOUS: Final = 1
 """Transmission type: with every SYNC."""
 ANY_CHANGE: Final = 254
-"""Transmission type: when any mapped value changes, and by the event timer."""
+"""Transmission type: on the change of any mapped value, and by the event timer."""
 ASYNCHRONOUS: Final = 255
-"""Transmission type: when the drive announces the change of a mapped value, and by the event timer."""
+"""Transmission type: on a change that the drive announces, and by the event timer."""
 
 
 @dataclass(frozen=True, slots=True)
 class PdoDefault:
-    """One PDO after power-up.
+    """A PDO's parameters after power-up.
 
     Attributes:
-        transmission_type: of CiA 301, section 7.5.2.37.
+        transmission_type: see CiA 301, section 7.5.2.37.
         mapping: addresses of the entries that it carries, in their order on the wire.
-        inhibit_100us: least time between two transmissions in 100 us.
-        event_timer_ms: a transmit PDO is sent at least this often, a receive PDO is expected to come; 0 for no timer.
+        inhibit_100us: shortest time between two transmissions in 100 us.
+        event_timer_ms: longest time between two transmissions or receptions; 0 for no timer.
         enabled: False if its COB-ID is marked invalid.
     """
 
@@ -57,16 +57,16 @@ TPDO_DEFAULTS: Final = (
 
 
 DUMMY_BITS: Final = {0x0001: 1, 0x0002: 8, 0x0003: 16, 0x0004: 32, 0x0005: 8, 0x0006: 16, 0x0007: 32}
-"""Bits of the data types that an RPDO may map to leave a place out, by index (CiA 301, section 7.4.8.2 and table 44).
+"""Length in bits of the data types that an RPDO may map as dummies, by index (CiA 301, section 7.4.8.2 and table 44).
 
-So one RPDO serves several nodes: each maps its own entries, and dummies for those of the others.
+With dummies one RPDO serves several nodes: each node maps its own entries, and dummies in place of the others'.
 """
 PDO_COUNT = len(RPDO_DEFAULTS)
 PDO_ENTRIES_MAX: Final = 8
 
 
 def _communication(kind: str, index: int, cob_id: int, pdo: PdoDefault) -> None:
-    """Add the communication parameter that every PDO has (CiA 301, section 7.5.2.35)."""
+    """Add the communication parameter that RPDOs and TPDOs share (CiA 301, section 7.5.2.35)."""
     od.record(index, f"{kind} communication parameter")
     place = od.address_of(index)
     od.rw(place + od.PDO_COB_ID, U32, "COB-ID", cob_id, plus_node_id=True, write="ProcessData.check_cob_id_at")
@@ -87,22 +87,8 @@ def _communication(kind: str, index: int, cob_id: int, pdo: PdoDefault) -> None:
     )
 
 
-def _transmission(index: int, pdo: PdoDefault) -> None:
-    """Add the rest of a transmit PDO's communication parameter (CiA 301, section 7.5.2.37)."""
-    place, while_invalid = od.address_of(index), "ProcessData.check_while_invalid_at"
-    od.rw(
-        place + od.PDO_INHIBIT_TIME,
-        U16,
-        "Inhibit time in {unit}",
-        pdo.inhibit_100us,
-        unit=od.HUNDRED_US,
-        write=while_invalid,
-    )
-    od.rw(place + od.PDO_SYNC_START, U8, "SYNC start value", 0, 0, 240, write=while_invalid)
-
-
 def _mapping(kind: str, index: int, mapping: tuple[int, ...]) -> None:
-    """Add a mapping parameter: a word of address and bits for each mapped entry (CiA 301, section 7.5.2.38)."""
+    """Add a mapping parameter: for each mapped entry, a word of its address and length (CiA 301, section 7.5.2.38)."""
     od.record(index, f"{kind} mapping parameter")
     words = [address << 8 | 8 * od.ROWS[address].data_type.size for address in mapping]
     words += [0] * (PDO_ENTRIES_MAX - len(words))
@@ -119,12 +105,15 @@ def _add_pdos() -> None:
     for i, pdo in enumerate(TPDO_DEFAULTS):
         cob_id = COB_TPDO[i] | COB_ID_NO_RTR | (0 if pdo.enabled else COB_ID_INVALID)
         _communication(f"TPDO{i + 1}", od.TPDO_COMMUNICATION[i], cob_id, pdo)
-        _transmission(od.TPDO_COMMUNICATION[i], pdo)
+        place, while_invalid = od.address_of(od.TPDO_COMMUNICATION[i]), "ProcessData.check_while_invalid_at"
+        title, inhibit_100us = "Inhibit time in {unit}", pdo.inhibit_100us  # CiA 301, section 7.5.2.37
+        od.rw(place + od.PDO_INHIBIT_TIME, U16, title, inhibit_100us, unit=od.HUNDRED_US, write=while_invalid)
+        od.rw(place + od.PDO_SYNC_START, U8, "SYNC start value", 0, 0, 240, write=while_invalid)
         _mapping(f"TPDO{i + 1}", od.TPDO_MAPPING[i], pdo.mapping)
 
 
 def _objects() -> Iterator[DictionaryObject]:
-    """Yield every object, in index order; sub-index 0, unless a row has it, holds the highest sub-index."""
+    """Yield all objects in index order. Sub-index 0 holds the highest sub-index, unless a row defines it."""
     for index, addresses in groupby(sorted(od.ROWS), key=lambda address: address >> 8):
         entries = {address & 0xFF: od.ROWS[address] for address in addresses}
         if index in od.NAMES:

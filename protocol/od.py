@@ -1,17 +1,18 @@
-"""The object dictionary of one axis node as one table: a row gives an entry its name, its place and all that it is.
+"""The object dictionary of one axis node as a table: one row describes one entry.
 
-An entry is named by its address, index << 8 | sub-index, in all code that reads or writes it; only frames, the EDS and
-messages split an address into index and sub-index again. A name ends with a unit where the unit is easily mistaken.
-Everything else is made from the rows: the board's storage, the SDO server's checks, the PDO mappings, the EDS and the
-DBC. The board counts positions in wire units of 1/16 384 full motor step, velocities in wire units per second,
-accelerations in wire units per second squared; the PVT record has its own, finer velocity. Defaults are in these units.
-A master reads and writes entries of the units POSITION, VELOCITY, ACCELERATION and JERK in user units, which are the
-same until it writes the factors (6091h, 6092h).
+All code names an entry by its address, index << 8 | sub-index. Only frames, the EDS and messages split it into index
+and sub-index. A name ends with a unit where the unit is easily mistaken. The board's storage, the SDO server's checks,
+the PDO mappings, the EDS and the DBC are made from the rows.
 
-`read` names the attribute, property or method of the firmware that supplies an entry's present value, `write` the
-method that obeys a value written, or refuses it: after the checks of the row and before the value is stored. A name is
-"Class.name"; `ObjectDictionary.bind` finds it when the part is made. A method whose name ends with "_at" is given the
-entry's address. An entry with neither is a stored value, which has no effect until it is read.
+The board counts positions in wire units of 1/16 384 full motor step, velocities in wire units per second and
+accelerations in wire units per second squared. The PVT record has a finer unit of velocity. Defaults are in these
+units. A master reads and writes POSITION, VELOCITY, ACCELERATION and JERK entries in user units, which equal wire
+units until it writes the factors (6091h, 6092h).
+
+`read` names the attribute, property or method of the firmware that supplies an entry's present value. `write` names the
+method that acts on a written value or refuses it; it is called after the row's checks and before the value is stored.
+Both have the form "Class.name"; `ObjectDictionary.bind` connects them. A method whose name ends with "_at" also
+receives the entry's address. An entry without handlers only stores its value.
 """
 
 from collections.abc import Collection
@@ -35,7 +36,7 @@ from steptwin.protocol.nmt import ErrorBehaviour
 
 
 def address_of(index: int, subindex: int = 0) -> int:
-    """Return an entry's address from its index and sub-index, for PDO parameters and requests from the wire."""
+    """Return an entry's address from its index and sub-index."""
     return index << 8 | subindex
 
 
@@ -45,14 +46,14 @@ def index_and_subindex(address: int) -> tuple[int, int]:
 
 
 def place_text(address: int) -> str:
-    """Return an address as messages and logs write it, such as 0x607D:01."""
+    """Format an address for messages and logs, such as 0x607D:01."""
     return f"0x{address >> 8:04X}:{address & 0xFF:02X}"
 
 
 ROWS: Final[dict[int, Entry]] = {}
-"""The entries by address, without those of PDOs and those that count sub-indexes, which `objects` adds."""
+"""Entries by address. `objects` adds those of the PDOs and the sub-index counts."""
 NAMES: Final[dict[int, tuple[str, ObjectCode]]] = {}
-"""Name and code of each object that has several entries, by index."""
+"""Name and object code of each array and record, by index."""
 
 I8, I16, I24, I32 = DataType.INTEGER8, DataType.INTEGER16, DataType.INTEGER24, DataType.INTEGER32
 U8, U16, U32 = DataType.UNSIGNED8, DataType.UNSIGNED16, DataType.UNSIGNED32
@@ -66,37 +67,37 @@ STEPS, REVOLUTIONS, RECORDS = EntryUnit.STEPS, EntryUnit.REVOLUTIONS, EntryUnit.
 UNITS_PER_FULL_STEP: Final = 16_384
 """Wire units in a full step, whatever the microstep setting."""
 MICROSTEPS_CHOICES: Final = (1, 2, 4, 5, 8, 10, 16, 20, 25, 32, 40, 50, 64, 100, 125, 128, 256)
-"""Microsteps per full step that drivers have; a board counts with any of them."""
+"""Microsteps per full step of the known drivers; a board supports all of them."""
 FULL_STEPS_PER_REVOLUTION: Final = 200
-"""Full steps of a 1.8 degree motor. The board's positions are the motor's; the host converts by gears and spindles."""
+"""Full steps of a 1.8 degree motor. The board counts motor positions; the host converts by gears and spindles."""
 UNITS_PER_REVOLUTION: Final = UNITS_PER_FULL_STEP * FULL_STEPS_PER_REVOLUTION
 """Wire units in a revolution of the motor."""
 
 IDENTITY_DEVICE_TYPE: Final = 0x0004_0192
 """CiA 402 (0x192 = 402), bit 18: stepper motor."""
 MICRO_STEP_MOTOR: Final = 9
-"""The motor type (6402h) of a stepper motor that makes microsteps."""
+"""Motor type (6402h): micro-step stepper motor."""
 PROFILE_VERSION: Final = 0x0003_0000
-"""The version number (67FEh) of the profile that the node follows: CiA 402-2, version 3.0."""
+"""Profile version (67FEh): CiA 402-2, version 3.0."""
 PULSE_NS_MIN: Final = 4_000
 TIMING_NS_MAX: Final = 1_000_000
-"""Bounds of the step timing (2001h): no CLK phase below 4 us, which is 125 kHz, and no timing above 1 ms."""
+"""Bounds of the step timing (2001h): each CLK phase lasts at least 4 us (125 kHz), and no time exceeds 1 ms."""
 SETTLING_US_MAX: Final = 10_000_000
-"""Longest time from ENABLE until a driver takes steps: ten seconds."""
+"""Longest settling time from ENABLE until a driver accepts steps: ten seconds."""
 CYCLE_MS_MAX: Final = 10
-"""The longest period of cyclic synchronous position."""
+"""Longest period of cyclic synchronous position."""
 MILLI: Final = -3
 WINDOW_OFF: Final = U32.high
 """The value that switches the following error window (6065h) and the position window (6067h) off."""
 
 
 def array(index: int, name: str) -> None:
-    """Name an object whose entries, in the rows that follow, are alike."""
+    """Begin an array object: the rows that follow are its entries, all of one type."""
     NAMES[index] = name, ObjectCode.ARRAY
 
 
 def record(index: int, name: str) -> None:
-    """Name an object whose entries, in the rows that follow, are of several kinds."""
+    """Begin a record object: the rows that follow are its entries, of several types."""
     NAMES[index] = name, ObjectCode.RECORD
 
 
@@ -124,7 +125,7 @@ def ro(
     default: int = 0,
     read: str = "",
 ) -> int:
-    """Add an entry that is only read; return its address."""
+    """Add a read-only entry; return its address."""
     ROWS[address] = Entry(title, data_type, Access.READ_ONLY, default, mapping=mapping, unit=unit, read=read)
     return address
 
@@ -132,7 +133,7 @@ def ro(
 def wo(
     address: int, data_type: DataType, title: str, low: int | None = None, high: int | None = None, *, write: str
 ) -> int:
-    """Add an entry that is only written; return its address."""
+    """Add a write-only entry; return its address."""
     ROWS[address] = Entry(title, data_type, Access.WRITE_ONLY, low=low, high=high, write=write)
     return address
 
@@ -152,7 +153,7 @@ def rw(
     read: str = "",
     write: str = "",
 ) -> int:
-    """Add an entry that is read and written; return its address."""
+    """Add a readable and writable entry; return its address."""
     ROWS[address] = Entry(
         title, data_type, Access.READ_WRITE, default, low, high, mapping, plus_node_id, unit, values, read, write
     )
@@ -160,7 +161,7 @@ def rw(
 
 
 def rate_q16(percent: int) -> int:
-    """Return a rate of the group's time in 1/65 536 of full rate, rounded up as the firmware has it."""
+    """Convert a time rate in percent to Q16 (65 536 is full rate), rounded up as in the firmware."""
     return -(-percent * 65_536 // 100)
 
 
@@ -170,7 +171,7 @@ def _rate(address: int, title: str, full_steps: int, unit: EntryUnit, mapping: M
 
 
 def _factor(address: int, title: str, default: int = 1, unit: EntryUnit = REVOLUTIONS) -> int:
-    """Add a part of the factor between wire units and user units."""
+    """Add one of the factors between wire units and user units."""
     return rw(address, U32, title, default, 1, unit=unit, write="AxisDrive.change_units_at")
 
 
@@ -181,7 +182,7 @@ def _timing(address: int, title: str, default_ns: int, low_ns: int) -> int:
 
 
 def _percent(address: int, title: str, default: int, values: tuple[int, ...]) -> int:
-    """Add a setting of the TB6560 in percent; `values` are those that its pins can select."""
+    """Add a setting of the TB6560 in percent; `values` are the ones that its pins can select."""
     return rw(address, U8, title, default, values[0], values[-1], unit=PERCENT, values=values)
 
 
@@ -300,10 +301,10 @@ record(0x2010, "Interpolation group")
 GROUP_STOP = rw(0x2010_01, U8, "Group stop: a fault stops all interpolating axes", 1, 0, 1)
 QUEUE_LOW_WATER = rw(0x2010_02, U8, "Low-water mark of the queue in {unit}", 16, 0, 64, unit=RECORDS)
 FULL_RATE_Q16: Final = 1 << 16
-"""Rate at which the time of an interpolation group is real time."""
+"""Time rate at which an interpolation group runs in real time."""
 RATE_PERCENT_MIN: Final = 10
 RATE_PERCENT_MAX: Final = 150
-"""Bounds of the rate that a host may want, in percent of full rate."""
+"""Bounds of the time rate that a host may request, in percent of full rate."""
 RATE_MIN_Q16: Final = rate_q16(RATE_PERCENT_MIN)
 RATE_MAX_Q16: Final = rate_q16(RATE_PERCENT_MAX)
 GROUP_RATE_Q16 = rw(
@@ -373,12 +374,12 @@ CHARGE_TOKEN = rw(
 )
 CHARGE_RELEASE = wo(0x2017_02, U32, "Release: takes the token of the program in charge", write="Charge.release")
 CHARGE_FREE: Final = 0
-"""The token that is read while no program is in charge.
+"""Token while no program is in charge.
 
-Programs that do not know the object drive the axis as ever: it only lets programs that ask for it take turns.
+A program that does not use the object can still drive the axis: the token only coordinates programs that use it.
 """
 CHARGE_UNWATCHED_MS: Final = 1000
-"""Time until a node that monitors no heartbeat forgets the program in charge."""
+"""Time after which a node that monitors no heartbeat releases the program in charge."""
 record(0x2018, "Faults and emergency stops")
 FAULT_NUMBER = ro(
     0x2018_01, U32, "Number of the last fault or emergency stop since power-up; 0: none", read="AxisDrive.fault_number"
@@ -577,9 +578,9 @@ POSITION_DEMAND_STEPS = ro(
 )
 DIGITAL_INPUTS = ro(0x60FD_00, U32, "Digital inputs", mapping=TX, read="Supervision.inputs")
 array(0x60FE, "Digital outputs")
-# Bits without an output are stored and do nothing, as in CiA 402 drives: one word may serve unlike drives, and a PDO
-# that carries such a bit is not lost. The mask lets both outputs through from the start, where many drives begin with
-# 0, so that a plain write of sub-index 1 switches them.
+# Bits without an output are stored and do nothing, as in CiA 402 drives: one word may serve different drives, and a PDO
+# with such a bit is not lost. The mask enables both outputs by default, so that a plain write of sub-index 1 switches
+# them. (In many drives its default is 0.)
 DIGITAL_OUTPUTS = rw(0x60FE_01, U32, "Physical outputs", mapping=RX, write="AxisNode.switch_outputs_at")
 DIGITAL_OUTPUTS_MASK = rw(
     0x60FE_02,

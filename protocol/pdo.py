@@ -1,20 +1,24 @@
 """Send and receive process data: mappings, transmission types, inhibit times, event timers (CiA 301, section 7.2.2).
 
-A transmit PDO of type 1 to 240 is sent with every n-th SYNC, one of type 0 with the first SYNC after its values have
-changed, one of type 254 or 255 by its event timer and when a value changes: of type 254 any mapped value, of type 255
-one whose changes the drive announces (`ANNOUNCED`) or, if none of these is mapped, any. Values whose changes are not
-announced, such as positions, are sampled. A receive PDO of type 0 to 240 takes effect with the next SYNC.
+When a transmit PDO is sent depends on its transmission type:
 
-The values that take effect together, those of one frame or of all receive PDOs that wait for one SYNC, are one process
-image: they act in the order of `ImageStage`, whatever the order of mappings and PDOs. So a target that comes together
-with the controlword is in place when the controlword acts on it.
+- 0: with the first SYNC after a value has changed; 1 to 240: with every n-th SYNC.
+- 254: by its event timer, and when any mapped value changes.
+- 255: by its event timer, and when a mapped value of `ANNOUNCED` changes; any value if it maps none of these.
 
-PDOs are rebuilt from the dictionary's communication and mapping entries whenever one of these changes. Their values are
-decoded and encoded by shifting one integer, so a mapping of any widths costs the same few operations. A receive PDO may
-map data types as dummies: their bits are skipped.
+Values outside of `ANNOUNCED`, such as positions, are sampled. A receive PDO of type 0 to 240 acts with the next SYNC.
 
-A receive PDO with an event timer is expected within that time from each of its frames on, while the node is OPERATIONAL
-(deadline monitoring, CiA 301, section 7.5.2.35). Monitoring begins with the first frame, and again after a time-out.
+The values of one frame, or of all receive PDOs that wait for one SYNC, are one process image. They act in the order of
+`ImageStage`, regardless of the order of mappings and PDOs. So a target that comes together with a controlword is stored
+before the controlword acts.
+
+PDOs are rebuilt from the dictionary whenever one of their parameters changes. Their values are decoded and encoded by
+shifting one integer, which is fast for fields of any width. A receive PDO may map data types as dummies: their bits are
+skipped.
+
+A receive PDO with an event timer must arrive within that time after each of its frames, while the node is OPERATIONAL
+(deadline monitoring, CiA 301, section 7.5.2.35). Monitoring starts with the first frame, and again with the first frame
+after a time-out.
 """
 
 from collections.abc import Callable, Iterable
@@ -25,7 +29,7 @@ from typing import Final, NamedTuple, Protocol
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.dictionary import ObjectDictionary, check_cob_id
-from steptwin.protocol.entry import Access, Entry, Mapping
+from steptwin.protocol.entry import Access, Mapping
 from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_MASK, COB_ID_NO_RTR, Frame
 from steptwin.protocol.objects import ANY_CHANGE, DUMMY_BITS
 from steptwin.protocol.od import address_of
@@ -42,39 +46,39 @@ ANNOUNCED: Final = frozenset(
         od.TOUCH_PROBE_STATUS,
     )
 )
-"""Entries whose changes the firmware tells `ProcessData.changed`."""
+"""Entries whose changes the firmware reports to `ProcessData.changed`."""
 SAMPLE_US: Final = 1000
-"""Time between two looks at values whose changes are not announced; the inhibit time may make it longer."""
+"""Sampling period of the other entries; a longer inhibit time extends it."""
 _INHIBIT_UNIT_US: Final = 100
 _MS_US: Final = 1000
-_integer: Final = int.from_bytes  # to look it up costs time, for every frame
-_NO_ERROR: Final = ErrorCode.NONE  # to fetch a member from its enum costs time, and this is returned for every frame
+_integer: Final = int.from_bytes  # bound once: the lookup costs time for every frame
+_NO_ERROR: Final = ErrorCode.NONE  # bound once: access to an enum's member costs time for every frame
 
 
 _COMMUNICATION: Final = dict(
     zip((*od.RPDO_MAPPING, *od.TPDO_MAPPING), (*od.RPDO_COMMUNICATION, *od.TPDO_COMMUNICATION), strict=True)
 )
-"""Index of a PDO's communication parameter, by that of its mapping."""
+"""Index of a PDO's communication parameter by the index of its mapping parameter."""
 _DUMMIES: Final = frozenset(address_of(index) << 8 | bits for index, bits in DUMMY_BITS.items())
-"""The dummies as a mapping names them."""
+"""Mapping words of the dummies."""
 
 
 class ImageStage(IntEnum):
-    """When a value acts within a process image."""
+    """Stage of a process image in which a value acts."""
 
     PARAMETER = 0
-    """All entries that are named nowhere else."""
+    """All entries without a stage of their own."""
     RECORD = 1
-    """The PVT records (60C1h), in the order of the PDOs that bring them."""
+    """PVT records (60C1h), in the order of their PDOs."""
     MODE = 2
     TARGET = 3
-    """After the mode: so they count in the mode that comes with them."""
+    """Targets act after the mode, so the new mode uses them."""
     CONTROLWORD = 4
 
 
 _ALL_STAGES: Final = tuple(ImageStage)
 _AT_ONCE: Final = (None,)
-"""The stages of a single PDO: its own order is that of the stages."""
+"""For a single PDO, whose values are already in the order of the stages."""
 _STAGES: Final = {
     od.PVT_DISPLACEMENT: ImageStage.RECORD,
     od.PVT_END_VELOCITY: ImageStage.RECORD,
@@ -88,13 +92,13 @@ _STAGES: Final = {
 
 
 class MappedCell(Protocol):
-    """The place of a value that PDOs carry."""
+    """Storage of a value that PDOs carry."""
 
     value: int
 
     @property
     def plain(self) -> bool:
-        """True if storing any value of its width is all."""
+        """True if a write needs no check and triggers nothing."""
         ...
 
     def get(self) -> int:
@@ -102,19 +106,19 @@ class MappedCell(Protocol):
         ...
 
     def put(self, value: int) -> None:
-        """Store a value after its checks; raise SdoAbortError if it is refused."""
+        """Check and store a value; raise SdoAbortError if it is refused."""
         ...
 
 
 class MappedObjects(Protocol):
-    """An object dictionary as PDOs see it: their parameters, and the values that they carry."""
+    """Object dictionary as PDOs use it: their parameters, and the values that they carry."""
 
     def get(self, address: int) -> int:
         """Return the present value of a numeric entry."""
         ...
 
     def cell(self, address: int) -> MappedCell:
-        """Return the place of a numeric entry."""
+        """Return the cell of a numeric entry."""
         ...
 
     def is_signed(self, address: int) -> bool:
@@ -123,7 +127,7 @@ class MappedObjects(Protocol):
 
 
 class PdoParameters(NamedTuple):
-    """The indexes of a PDO's parameters."""
+    """Indexes of a PDO's communication and mapping parameters."""
 
     communication: int
     mapping: int
@@ -134,7 +138,7 @@ _TRANSMIT: Final = tuple(map(PdoParameters, od.TPDO_COMMUNICATION, od.TPDO_MAPPI
 
 
 class _Field(NamedTuple):
-    """One mapped entry and its place in the PDO's integer."""
+    """One mapped entry and its bits in the PDO's integer."""
 
     address: int
     cell: MappedCell
@@ -144,7 +148,7 @@ class _Field(NamedTuple):
 
 
 def _fields(dictionary: MappedObjects, mapping_index: int) -> tuple[list[_Field], int]:
-    """Return the fields of a mapping, without dummies, and its length in bytes: the last may be used in part."""
+    """Return the fields of a mapping, without dummies, and its length in bytes, rounded up."""
     fields, shift = [], 0
     for subindex in range(1, dictionary.get(address_of(mapping_index)) + 1):
         word = dictionary.get(address_of(mapping_index, subindex))
@@ -157,7 +161,7 @@ def _fields(dictionary: MappedObjects, mapping_index: int) -> tuple[list[_Field]
 
 
 class _Target(NamedTuple):
-    """A field of a receive PDO, and the place of its value."""
+    """A field of a receive PDO and the cell of its value."""
 
     field: _Field
     cell: MappedCell
@@ -165,9 +169,9 @@ class _Target(NamedTuple):
 
 
 def _by_stage(fields: list[_Field]) -> list[list[_Target]]:
-    """Return the fields of a receive PDO by their stages; the number that queues a record is the last of its fields.
+    """Return the fields of a receive PDO by their stages; a record's sequence number, which queues it, comes last.
 
-    Fields of a record whose number comes by another PDO are parameters: they must be in place before it.
+    If another PDO carries the sequence number, the record's fields are parameters: they must be stored before it.
     """
     has_number = any(field.address == od.PVT_SEQUENCE for field in fields)
     targets: list[list[_Target]] = [[] for _ in ImageStage]
@@ -180,10 +184,16 @@ def _by_stage(fields: list[_Field]) -> list[list[_Target]]:
 
 
 class ReceivePdo:
-    """One receive PDO, as the dictionary describes it."""
+    """One receive PDO."""
 
     def __init__(self, dictionary: MappedObjects, parameters: PdoParameters, on_refused: Callable[[int], None]) -> None:
-        """Read the parameters; call `on_refused`, with its word of a mapping, for each value that is refused."""
+        """Read the parameters.
+
+        Args:
+            dictionary: holds the parameters and the values.
+            parameters: their indexes.
+            on_refused: called with the mapping word of each refused value.
+        """
         communication = parameters.communication
         self.cob_id: int = dictionary.get(address_of(communication, od.PDO_COB_ID))
         self.exists: bool = not self.cob_id & COB_ID_INVALID
@@ -192,9 +202,9 @@ class ReceivePdo:
             dictionary.get(address_of(communication, od.PDO_TRANSMISSION_TYPE)) <= _LAST_SYNCHRONOUS
         )
         self.timeout_us: int = dictionary.get(address_of(communication, od.PDO_EVENT_TIMER)) * _MS_US
-        """Longest time between two frames; 0: any."""
+        """Longest time between two frames; 0 for no limit."""
         self.deadline_us: int | None = None
-        """Time when the next frame is late; None while none is awaited."""
+        """Instant when the next frame is late; None while none is awaited."""
         fields, self._length = _fields(dictionary, parameters.mapping)
         self._by_stage = _by_stage(fields)
         self._in_order = [target for targets in self._by_stage for target in targets]
@@ -202,7 +212,7 @@ class ReceivePdo:
         self._on_refused = on_refused
 
     def receive(self, data: bytes) -> ErrorCode:
-        """Take a frame: let it act now, or latch it for the next SYNC; return the error in its length, or NONE."""
+        """Let a frame act now, or latch it for the next SYNC; return the error of its length, or NONE."""
         excess = len(data) - self._length
         if excess < 0:
             return ErrorCode.PDO_TOO_SHORT
@@ -213,24 +223,24 @@ class ReceivePdo:
         return ErrorCode.PDO_TOO_LONG if excess else _NO_ERROR
 
     def timed_out(self, now_us: int) -> bool:
-        """Return whether the next frame is late by now, once."""
+        """Return True, once, when the next frame is late."""
         if self.deadline_us is None or now_us < self.deadline_us:
             return False
         self.deadline_us = None
         return True
 
     def take_latched(self) -> bytes | None:
-        """Return the frame that was latched last, if one came since the last call."""
+        """Return and forget the latched frame; None if there is none."""
         data, self._latched = self._latched, None
         return data
 
     def act(self, data: bytes, stage: ImageStage | None = None) -> None:
-        """Let the values of a frame act: all in their order, or those of one stage."""
+        """Let the values of a frame act: all in the order of their stages, or those of one stage."""
         targets = self._in_order if stage is None else self._by_stage[stage]
         bits = _integer(data[: self._length], "little")
         for field, cell, plain in targets:
             value = ((bits >> field.shift & field.mask) ^ field.sign_bit) - field.sign_bit
-            if plain:  # most values are the fields of a PVT record, whose last one queues it
+            if plain:  # as most values are: the fields of a PVT record but the last
                 cell.value = value
                 continue
             try:
@@ -240,7 +250,7 @@ class ReceivePdo:
 
 
 def act_on_sync(pdos: Iterable[ReceivePdo]) -> None:
-    """Let all frames act that were latched for this SYNC, as one process image."""
+    """Let all latched frames act as one process image."""
     latched = [(pdo, data) for pdo in pdos if (data := pdo.take_latched()) is not None]
     for stage in _ALL_STAGES if len(latched) > 1 else _AT_ONCE:
         for pdo, data in latched:
@@ -248,7 +258,7 @@ def act_on_sync(pdos: Iterable[ReceivePdo]) -> None:
 
 
 class TransmitPdo:
-    """One transmit PDO, as the dictionary describes it, with its timers."""
+    """One transmit PDO with its timers."""
 
     def __init__(
         self,
@@ -261,11 +271,12 @@ class TransmitPdo:
         """Read the parameters.
 
         Args:
-            dictionary: has the parameters and the values.
+            dictionary: holds the parameters and the values.
             parameters: their indexes.
-            now_us: the present.
-            sync_counter_overflow: the value of 1019h; 0: SYNC carries no counter.
-            announced: entries whose changes `trigger` tells, by which type 255 goes; None: those of all, for any type.
+            now_us: present time.
+            sync_counter_overflow: value of 1019h; 0 if SYNC carries no counter.
+            announced: entries whose changes are reported by `trigger`, which type 255 relies on; None if the changes of
+                all entries are, for any type.
         """
         communication = parameters.communication
         self.cob_id: int = dictionary.get(address_of(communication, od.PDO_COB_ID))
@@ -279,8 +290,8 @@ class TransmitPdo:
         self.addresses: frozenset[int] = frozenset(field.address for field in fields)
         self.event_driven: bool = self.transmission_type >= ANY_CHANGE
         """True if the PDO is sent when a mapped value changes."""
-        told = announced is None or (self.transmission_type > ANY_CHANGE and bool(self.addresses & announced))
-        self._sampled = self.event_driven and bool(fields) and not told
+        triggered = announced is None or (self.transmission_type > ANY_CHANGE and bool(self.addresses & announced))
+        self._sampled = self.event_driven and bool(fields) and not triggered
         self._sample_due_us = now_us
         self._wanted = False
         self._sent: bytes | None = None
@@ -292,13 +303,13 @@ class TransmitPdo:
         self._timer_us = now_us + self._event_timer_us
 
     def trigger(self) -> None:
-        """Send as soon as the inhibit time allows, because a mapped value has changed."""
+        """Request a transmission, because a mapped value has changed; the inhibit time may delay it."""
         self._wanted = True
 
     def on_sync(self, counter: int = 0) -> Frame | None:
         """Count a SYNC; return the frame if the transmission type requires one now.
 
-        If the PDO has a SYNC start value, counting begins with the SYNC that carries it (CiA 301, section 7.5.2.37).
+        With a SYNC start value, counting starts at the SYNC with this counter (CiA 301, section 7.5.2.37).
         """
         if self.transmission_type > _LAST_SYNCHRONOUS or self._awaited_counter not in (0, counter):
             return None
@@ -316,7 +327,7 @@ class TransmitPdo:
 
     @property
     def due_us(self) -> int | None:
-        """Instant when `poll` has work to do; None if only an event or a SYNC can cause it."""
+        """Next instant at which `poll` has work; None if only an event or a SYNC can trigger it."""
         if not self.event_driven:
             return None
         if self._wanted:
@@ -327,7 +338,7 @@ class TransmitPdo:
         return None if due_us is None else max(due_us, self._not_before_us)
 
     def poll(self, now_us: int) -> Frame | None:
-        """Return the frame if it is due, else None: its time has not come, or a sample shows no change."""
+        """Return the frame if it is due; None if it is not, or if a sample shows no change."""
         due_us = self.due_us
         if due_us is None or now_us < due_us:
             return None
@@ -351,7 +362,7 @@ class TransmitPdo:
 
 
 class ProcessData:
-    """All PDOs of a node; `refresh` rebuilds them from the dictionary after their parameters have changed."""
+    """All PDOs of a node. `refresh` rebuilds them after a change of their parameters."""
 
     def __init__(self, dictionary: ObjectDictionary) -> None:
         self._dictionary = dictionary
@@ -359,11 +370,11 @@ class ProcessData:
         self.transmit_pdos: list[TransmitPdo] = []
         dictionary.bind(self)
         self.configurable = True
-        """True in PRE-OPERATIONAL, the only state that lets PDO parameters be written."""
+        """True in PRE-OPERATIONAL, the only state in which PDO parameters may be written."""
         self._changed = True
 
     def refresh(self, now_us: int) -> bool:
-        """Rebuild the PDOs if their parameters have changed; return True if they have."""
+        """Rebuild the PDOs if their parameters have changed; return whether they have."""
         if not self._changed:
             return False
         self._changed = False
@@ -373,24 +384,24 @@ class ProcessData:
         return True
 
     def _note_refused(self, word: int) -> None:
-        """Count a value that an RPDO brought and the dictionary refused, and keep its place."""
+        """Count a refused value of an RPDO and store its mapping word (2014h:03 and :04)."""
         self._dictionary.cell(od.RPDO_VALUES_REFUSED).count()
         self._dictionary.set(od.RPDO_LAST_REFUSED, word)
 
     def invalidate(self) -> None:
-        """Let the next `refresh` rebuild the PDOs: their parameters were reset, or their timers must restart."""
+        """Make the next `refresh` rebuild the PDOs, because of reset parameters or to restart their timers."""
         self._changed = True
 
     def changed(self, address: int) -> None:
-        """Trigger the transmit PDOs that carry an entry whose value has changed."""
+        """Trigger the transmit PDOs that map an entry whose value has changed."""
         for pdo in self.transmit_pdos:
             if address in pdo.addresses:
                 pdo.trigger()
 
     def sync_counter(self, data: bytes) -> int | None:
-        """Return the counter of a SYNC frame, 0 if SYNC carries none; None if the frame's length is wrong.
+        """Return the counter of a SYNC frame; 0 if SYNC carries none, None if the frame's length is wrong.
 
-        The synchronous counter overflow value (1019h) says whether SYNC carries a counter (CiA 301, section 7.2.5).
+        SYNC carries a counter if the synchronous counter overflow value (1019h) is not 0 (CiA 301, section 7.2.5).
         """
         counted = self._dictionary.get(od.SYNC_COUNTER_OVERFLOW) != 0
         if len(data) != counted:
@@ -398,9 +409,10 @@ class ProcessData:
         return data[0] if counted else 0
 
     def check_sync_overflow(self, value: int) -> None:
-        """Refuse 1 (the object table bounds the value to 0..240), and any value while a cycle period (1006h) is set.
+        """Refuse the value 1, and any change while a cycle period (1006h) is set (CiA 301, section 7.5.2.19).
 
-        That period concerns SYNC producers only; it is stored and has no other effect (CiA 301, section 7.5.2.19).
+        The object table already bounds the value to 0..240. The cycle period concerns SYNC producers; here it is only
+        stored.
         """
         if value == 1:
             raise SdoAbortError(AbortCode.VALUE_RANGE)
@@ -408,31 +420,31 @@ class ProcessData:
             raise SdoAbortError(AbortCode.DEVICE_STATE)
 
     def check_configurable(self, _value: int) -> None:
-        """Refuse any change of a parameter outside of PRE-OPERATIONAL; a change that is allowed rebuilds the PDOs."""
+        """Refuse a change outside of PRE-OPERATIONAL; an allowed change rebuilds the PDOs."""
         if not self.configurable:
             raise SdoAbortError(AbortCode.DEVICE_STATE)
         self._changed = True
 
     def check_cob_id_at(self, address: int, value: int) -> None:
-        """Refuse a value that is not a COB-ID of a PDO, and a new one for a PDO that exists."""
+        """Refuse a COB-ID that no PDO may have, and a new identifier for a valid PDO."""
         self.check_configurable(value)
         check_cob_id(self._dictionary.get(address), value, COB_ID_NO_RTR)
 
     def check_transmission_type(self, value: int) -> None:
-        """Refuse types 241 to 251, which are reserved, and 252 and 253, which need remote frames."""
+        """Refuse types 241 to 251 (reserved), and 252 and 253 (they need remote frames)."""
         self.check_configurable(value)
         if _LAST_SYNCHRONOUS < value < ANY_CHANGE:
             raise SdoAbortError(AbortCode.VALUE_RANGE)
 
     def check_while_invalid_at(self, address: int, value: int) -> None:
-        """Refuse a change of mapping, inhibit time or SYNC start value while the PDO exists."""
+        """Refuse a change of mapping, inhibit time or SYNC start value while the PDO is valid."""
         self.check_configurable(value)
         communication = _COMMUNICATION.get(address >> 8, address >> 8)
         if not self._dictionary.get(address_of(communication, od.PDO_COB_ID)) & COB_ID_INVALID:
             raise SdoAbortError(AbortCode.DEVICE_STATE)
 
     def check_count_at(self, address: int, count: int) -> None:
-        """Refuse a number of mapped entries if some are not given, or if they are too long together."""
+        """Refuse a number of mapped entries if one of them is missing, or if together they exceed 8 bytes."""
         self.check_while_invalid_at(address, count)
         words = [self._dictionary.get(address + i) for i in range(1, count + 1)]
         if 0 in words:
@@ -441,7 +453,7 @@ class ProcessData:
             raise SdoAbortError(AbortCode.PDO_TOO_LONG)
 
     def check_mapped_at(self, address: int, word: int) -> None:
-        """Refuse what cannot be mapped into this kind of PDO, and any change while the number of entries is not 0."""
+        """Refuse an entry that this kind of PDO cannot map, and any change while the number of entries is not 0."""
         self.check_while_invalid_at(address, word)
         if self._dictionary.get(address_of(address >> 8)):
             raise SdoAbortError(AbortCode.DEVICE_STATE)
@@ -449,11 +461,9 @@ class ProcessData:
         kind = Mapping.RECEIVE if address >> 8 in od.RPDO_MAPPING else Mapping.TRANSMIT
         if kind is Mapping.RECEIVE and word in _DUMMIES:
             return
-        if word and (entry is None or not _mappable(entry, kind, word & 0xFF)):
+        if word == 0:
+            return
+        if entry is None or entry.access is Access.CONST or word & 0xFF != 8 * entry.data_type.size:
             raise SdoAbortError(AbortCode.CANNOT_BE_MAPPED)
-
-
-def _mappable(entry: Entry, access: Mapping, bits: int) -> bool:
-    if entry.access is Access.CONST or bits != 8 * entry.data_type.size:
-        return False
-    return bool(entry.mapping.value & access.value)
+        if not entry.mapping.value & kind.value:
+            raise SdoAbortError(AbortCode.CANNOT_BE_MAPPED)

@@ -1,8 +1,8 @@
-"""The PVT record and its flow control: a position-velocity-time point in one 8-byte PDO.
+"""The PVT record, a position-velocity-time point in one 8-byte PDO, and its flow control.
 
-Each record carries a sequence number. The device takes exactly the next one, ignores those that it already has and
-drops those that come after a gap, so that a host may resend freely. The host sends no more records than the device has
-reported free places for.
+Each record carries a sequence number. The device accepts the next number only. It ignores records that it already has
+and drops records after a gap, so a host may resend records at any time. The host sends no more records than the device
+has reported free places.
 """
 
 from enum import Enum, IntEnum
@@ -19,7 +19,7 @@ VELOCITY_PER_UNIT_PER_MS: Final = 64
 
 
 class PvtRecord(NamedTuple):
-    """One cubic segment on the wire: displacement from the previous record's end, end velocity, duration."""
+    """One cubic segment: displacement from the previous record's end, end velocity, duration."""
 
     displacement_units: int
     end_velocity: int
@@ -53,7 +53,7 @@ class PvtStatus(NamedTuple):
 
 
 class PvtFlag(IntEnum):
-    """Bits of the flags in PVT status (2012h:03); combined bits are plain integers."""
+    """Flags of the PVT status (2012h:03); combined bits are plain integers."""
 
     GAP = 1
     OVERFLOW = 2
@@ -66,7 +66,7 @@ class PvtFlag(IntEnum):
 
 
 class Verdict(Enum):
-    """Decision of the device on a record that has arrived."""
+    """The device's decision on a received record."""
 
     PUSH = "push"
     STALE = "already there: ignored"
@@ -75,7 +75,7 @@ class Verdict(Enum):
 
 
 def judge(sequence: int, next_sequence: int, free: int) -> Verdict:
-    """Decide on a record by its distance from the expected one, modulo 256: up to 128 behind counts as old."""
+    """Decide on a record by its sequence number modulo 256: a number up to 128 behind the expected one is old."""
     ahead = (sequence - next_sequence) % SEQUENCE_MODULUS
     if ahead >= SEQUENCE_MODULUS // 2:
         return Verdict.STALE

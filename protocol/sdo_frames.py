@@ -1,7 +1,7 @@
-"""SDO requests and responses of one frame (CiA 301, section 7.2.4.3), and the codes with which a transfer is aborted.
+"""Single-frame SDO requests and responses (CiA 301, section 7.2.4.3), and the SDO abort codes (table 22).
 
-A request names an object; a value of up to four bytes goes in the same frame, as an expedited transfer. Longer values
-are the matter of the server, sdo_server.py, and of the client's library. The abort codes are those of CiA 301 table 22.
+A request names an object. A value of up to four bytes is in the same frame (expedited transfer). Longer values are
+transferred by the server, sdo_server.py, and by the client's library.
 """
 
 from enum import IntEnum
@@ -11,7 +11,7 @@ from steptwin.protocol.od import address_of, index_and_subindex
 
 
 class AbortCode(IntEnum):
-    """Reason why an SDO transfer is aborted."""
+    """Reason of an SDO abort."""
 
     TOGGLE_NOT_ALTERNATED = 0x0503_0000
     COMMAND_UNKNOWN = 0x0504_0001
@@ -38,7 +38,7 @@ class AbortCode(IntEnum):
 
 
 class SdoAbortError(Exception):
-    """Refusal of an access to the object dictionary: SDO answers with the code, a PDO drops the value."""
+    """Refusal of an access to the object dictionary. SDO answers with the code; a PDO drops the value."""
 
     def __init__(self, code: AbortCode) -> None:
         super().__init__(f"{code.name} (0x{code:08X})")
@@ -47,7 +47,7 @@ class SdoAbortError(Exception):
 
 SDO_BYTES: Final = 8
 OBJECT: Final = slice(1, 4)
-"""The bytes of a frame that name its object, in requests that begin a transfer and in their answers."""
+"""Bytes of the object's index and sub-index, in the first request of a transfer and its answer."""
 EXPEDITED: Final = 0x02
 SIZE_INDICATED: Final = 0x01
 SPECIFIER: Final = 0xE0
@@ -55,22 +55,22 @@ SPECIFIER: Final = 0xE0
 DOWNLOAD: Final = 0x20
 """Client's specifier: write."""
 UPLOAD: Final = 0x40
-"""Client's specifier: read. The server's answer with the value has the same."""
+"""Client's specifier: read. It is also the server's specifier in the answer with the value."""
 ABORT: Final = 0x80
-"""Either side's specifier: the transfer ends, for the reason in the last four bytes."""
+"""Specifier of both sides: abort. The last four bytes give the reason."""
 EXPEDITED_BYTES_MAX: Final = 4
-"""Length of the longest value that goes in the frame itself."""
+"""Longest value of an expedited transfer."""
 
 
 class ObjectValue(NamedTuple):
-    """An object and the bytes of its value, from one frame."""
+    """An object's address and the bytes of its value."""
 
     address: int
     data: bytes
 
 
 def object_bytes(address: int) -> bytes:
-    """Return an object as frames name it: the index, low byte first, and the sub-index."""
+    """Return an object's bytes in a frame: the index, low byte first, and the sub-index."""
     index, subindex = index_and_subindex(address)
     return index.to_bytes(2, "little") + bytes((subindex,))
 
@@ -81,7 +81,7 @@ def named_address(frame: bytes) -> int:
 
 
 def upload_request(address: int) -> bytes:
-    """Return the request that asks for an object's value."""
+    """Return the request that reads an object."""
     return bytes((UPLOAD,)) + object_bytes(address) + bytes(EXPEDITED_BYTES_MAX)
 
 
@@ -89,7 +89,7 @@ def download_request(address: int, data: bytes) -> bytes:
     """Return the request that writes an object of one to four bytes.
 
     Raises:
-        ValueError: the data are empty, or do not fit one frame.
+        ValueError: the data are empty or do not fit into one frame.
     """
     unused = EXPEDITED_BYTES_MAX - len(data)
     if not 0 <= unused < EXPEDITED_BYTES_MAX:
@@ -99,7 +99,7 @@ def download_request(address: int, data: bytes) -> bytes:
 
 
 def expedited_value(frame: bytes, specifier: int) -> ObjectValue | None:
-    """Return the object and the value in a frame; None if the frame is another, or has no value in it.
+    """Return the object and the value of an expedited transfer; None for any other frame.
 
     Args:
         frame: a client's request or a server's response.
@@ -111,6 +111,6 @@ def expedited_value(frame: bytes, specifier: int) -> ObjectValue | None:
 
 
 def value_bytes(frame: bytes) -> bytes:
-    """Return the value in an expedited frame: all four bytes where the frame does not say how many count."""
+    """Return the value in an expedited frame; all four bytes if the frame does not give their number."""
     unused = frame[0] >> 2 & 3 if frame[0] & SIZE_INDICATED else 0
     return frame[SDO_BYTES - EXPEDITED_BYTES_MAX : SDO_BYTES - unused]

@@ -1,10 +1,11 @@
-"""Serve SDO requests: expedited, segmented and block transfers (CiA 301, section 7.2.4.3), bytes in, bytes out.
+"""Serve SDO requests: expedited, segmented and block transfers (CiA 301, section 7.2.4.3).
 
-A transfer of several requests is a generator: it yields the frames that answer a request, and is sent the next request.
-Blocks of up to 127 segments go one way and each block is acknowledged; a CRC-16-CCITT ends the transfer if the client
-asked for one. The first byte of a segment is its number in the block, with bit 7 set in the last segment of all; other
-frames have their command there. Download blocks are kept so short that no segment number looks like a command that
-initiates a transfer, so that a client may begin a new transfer in the middle of a block.
+A transfer of several requests is a generator: it yields the answer to a request and receives the next request.
+
+A block transfer sends blocks of up to 127 segments; the receiver acknowledges each block. A CRC-16-CCITT ends the
+transfer if the client requested one. The first byte of a segment is its number in the block; bit 7 marks the last
+segment of the transfer. In other frames the first byte is the command. Download blocks are short: no segment number
+equals a command that initiates a transfer. So a client may begin a new transfer in the middle of a block.
 """
 
 from binascii import crc_hqx
@@ -26,7 +27,7 @@ from steptwin.protocol.sdo_frames import (
 SEGMENT_BYTES = 7
 BLOCK_SIZE_MAX = 127
 DOWNLOAD_BLOCK_SIZE = 31
-"""Largest size whose first bytes of segments, 01h..1Fh and 81h..9Fh, differ from initiations, 20h.. and A0h.."""
+"""Largest block whose segments (first byte 01h..1Fh, 81h..9Fh) differ from initiations (20h.., A0h..)."""
 
 # Client command specifiers, bits 7..5 of the first byte.
 _DOWNLOAD_SEGMENT: Final = 0
@@ -40,7 +41,7 @@ _BLOCK_DOWNLOAD: Final = 6
 _TOGGLE: Final = 0x10
 _LAST_SEGMENT: Final = 0x01
 
-# Block transfers: bits of the first byte; sub-commands of an upload, whose bits 1..0 tell them, and of a download.
+# Block transfers: bits of the first byte, and sub-commands (bits 1..0 of an upload, bit 0 of a download).
 _CRC: Final = 0x04
 _BLOCK_SIZE_INDICATED: Final = 0x02
 _LAST_OF_ALL: Final = 0x80
@@ -48,16 +49,16 @@ _NUMBER: Final = 0x7F
 _INITIATE, _END, _ACKNOWLEDGE, _START = 0, 1, 2, 3
 
 _Steps: TypeAlias = Generator[list[bytes], bytes, list[bytes]]
-"""A transfer: yields the answer to each request and is sent the next one; returns the answer to the last."""
+"""A transfer: yields the answer to each request, receives the next request, and returns the last answer."""
 
 
 def is_segment(request: bytes) -> bool:
-    """Return True if a frame that arrives within a block can be one of its segments."""
+    """Return whether a frame that arrives within a block can be one of its segments."""
     return 1 <= request[0] & _NUMBER <= DOWNLOAD_BLOCK_SIZE
 
 
 def initiates(first_byte: int) -> bool:
-    """Return True if a request begins a transfer, and so names an object."""
+    """Return whether a request begins a transfer, and therefore names an object."""
     command = first_byte >> 5
     if command == _BLOCK_DOWNLOAD:
         return not first_byte & _END
@@ -67,7 +68,7 @@ def initiates(first_byte: int) -> bool:
 
 
 class ServedObjects(Protocol):
-    """The object dictionary behind a server; each method raises SdoAbortError with the reason of its refusal."""
+    """The object dictionary of a server. Each method raises SdoAbortError if it refuses the access."""
 
     def read(self, address: int) -> bytes:
         """Return an entry's bytes."""
@@ -78,34 +79,34 @@ class ServedObjects(Protocol):
         ...
 
     def size_to_write(self, address: int) -> int:
-        """Return the number of bytes that a write to an entry must have, or may have if its length is not fixed."""
+        """Return the number of bytes that a write to an entry must have; for a string, may have at most."""
         ...
 
 
 class _Transfer(NamedTuple):
-    """A transfer under way, and its entry."""
+    """A transfer in progress."""
 
     address: int
     steps: _Steps
 
 
 class SdoServer:
-    """One server on one object dictionary; a new initiation replaces a transfer that was left unfinished."""
+    """Serves one object dictionary. A new initiation replaces an unfinished transfer."""
 
     def __init__(self, dictionary: ServedObjects) -> None:
         self._dictionary = dictionary
         self._transfer: _Transfer | None = None
         self._in_block = False
-        """True while the segments of a block download are due."""
+        """True while segments of a block download are expected."""
         self.dropped: int = 0
-        """Number of requests that got no answer, because they did not have the 8 bytes of an SDO."""
+        """Number of requests that were dropped because they did not have 8 bytes."""
 
     def reset(self) -> None:
-        """Drop a transfer under way, as a communication reset does."""
+        """Drop the transfer in progress, as a communication reset does."""
         self._transfer, self._in_block = None, False
 
     def handle(self, request: bytes) -> list[bytes]:
-        """Answer one request: with one frame, with a block of frames, or with none where the standard says so."""
+        """Answer one request with one frame, a block of frames, or none where CiA 301 asks for no answer."""
         if len(request) != SDO_BYTES:
             self.dropped += 1
             return []
@@ -118,13 +119,21 @@ class SdoServer:
         if begins:
             address = named_address(request)
         try:
-            return self._begin(request, address) if begins else self._go_on(transfer, request)
+            if begins:
+                return self._begin(request, address)
+            if transfer is None:
+                raise SdoAbortError(AbortCode.COMMAND_UNKNOWN)
+            return transfer.steps.send(request)
+        except StopIteration as end:
+            self.reset()
+            answer: list[bytes] = end.value
+            return answer
         except SdoAbortError as error:
             self.reset()
             return [bytes((ABORT,)) + object_bytes(address) + error.code.to_bytes(4, "little")]
 
     def _begin(self, request: bytes, address: int) -> list[bytes]:
-        """Begin a transfer, or make one of a single request."""
+        """Answer the first request of a transfer; a short one ends with it."""
         self.reset()
         command = request[0] >> 5
         if command == _UPLOAD_INITIATE:
@@ -145,18 +154,8 @@ class SdoServer:
         self._transfer = _Transfer(address, steps)
         return next(steps)
 
-    def _go_on(self, transfer: _Transfer | None, request: bytes) -> list[bytes]:
-        if transfer is None:
-            raise SdoAbortError(AbortCode.COMMAND_UNKNOWN)
-        try:
-            return transfer.steps.send(request)
-        except StopIteration as end:
-            self.reset()
-            answer: list[bytes] = end.value
-            return answer
-
     def _download(self, request: bytes, address: int, limit: int) -> _Steps:
-        """Take the segments of an entry, then write it."""
+        """Receive an entry's segments, then write the entry."""
         announced = _announced(request, SIZE_INDICATED, limit)
         data, toggle, last = b"", 0, 0
         answer = _answer(0x60, request)
@@ -175,10 +174,10 @@ class SdoServer:
         return [answer]
 
     def _block_download(self, request: bytes, address: int, limit: int) -> _Steps:
-        """Take the blocks of an entry's segments, then write it.
+        """Receive an entry's segments in blocks, then write the entry.
 
-        A segment out of order is dropped; the acknowledgement makes the client send again from the missing one on. The
-        client's last request has the number of fill bytes and the CRC.
+        A segment out of order is dropped; the acknowledgement makes the client repeat from the missing one on. The
+        client's last request carries the number of fill bytes and the CRC.
         """
         announced = _announced(request, _BLOCK_SIZE_INDICATED, limit)
         with_crc, data, received = request[0] & _CRC, bytearray(), 0
@@ -211,7 +210,7 @@ class SdoServer:
 
 
 def _upload(request: bytes, data: bytes) -> _Steps:
-    """Give an entry's bytes in segments."""
+    """Send an entry's bytes in segments."""
     answer, toggle = _answer(0x40 | SIZE_INDICATED, request, len(data).to_bytes(4, "little")), 0
     while True:
         request = yield [answer]
@@ -225,10 +224,10 @@ def _upload(request: bytes, data: bytes) -> _Steps:
 
 
 def _block_upload(request: bytes, data: bytes) -> _Steps:
-    """Give an entry's bytes in blocks; ignore the client's offer of a segmented transfer below a threshold.
+    """Send an entry's bytes in blocks. The client may end the transfer at any time.
 
-    The answer confirms a CRC exactly if the client asked for one, here and for a download: some clients take the answer
-    as an agreement. The client may end the transfer at any time.
+    The server ignores the client's offer to use a segmented transfer for short values. It confirms a CRC only if the
+    client requested one, because some clients take the answer as an agreement.
     """
     with_crc, block_size = request[0] & _CRC, _block_size(request[4])
     crc = crc_hqx(data, 0) if with_crc else 0
@@ -253,7 +252,7 @@ def _block_upload(request: bytes, data: bytes) -> _Steps:
 
 
 def _block(data: bytes, block_size: int) -> list[bytes]:
-    """Return the segments of the next block of the data that is not acknowledged; the last of all is marked."""
+    """Return the segments of the next block; the last segment of the transfer is marked."""
     parts = [data[i : i + SEGMENT_BYTES] for i in range(0, len(data), SEGMENT_BYTES)] or [b""]
     last = len(parts) if len(parts) <= block_size else 0
     return [
@@ -269,12 +268,12 @@ def _block_size(size: int) -> int:
 
 
 def _answer(command: int, request: bytes, data: bytes = b"") -> bytes:
-    """Return the answer to a request that names an object."""
+    """Return the answer to a request: command, object, data."""
     return bytes((command,)) + request[OBJECT] + data.ljust(4, b"\0")
 
 
 def _announced(request: bytes, indicated: int, limit: int) -> int | None:
-    """Return the number of bytes that the client says it will send; None if it says nothing."""
+    """Return the number of bytes that the client announces; None if it announces none."""
     if not request[0] & indicated:
         return None
     announced = int.from_bytes(request[4:8], "little")
@@ -284,7 +283,7 @@ def _announced(request: bytes, indicated: int, limit: int) -> int | None:
 
 
 def _expect(request: bytes, command: int, toggle: int) -> None:
-    """Refuse any other command than that of the next segment."""
+    """Refuse a request that is not the next segment."""
     if request[0] >> 5 != command:
         raise SdoAbortError(AbortCode.COMMAND_UNKNOWN)
     if request[0] & _TOGGLE != toggle:

@@ -1,11 +1,11 @@
 """Store parameters in flash and restore their defaults: objects 1010h and 1011h (CiA 301, 7.5.2.13 and 7.5.2.14).
 
-A reset of the node or of its communication brings the stored values back. "load" erases them: the defaults are valid
-from the next such reset on. Entries that a PDO may write are commands, not configuration, and are not stored, so that
-no axis moves and no output switches because the power came back; the profile's limits are the exception.
+A reset of the node or of its communication loads the stored values. "load" erases them: the next reset then loads the
+defaults. Entries that a PDO may write are commands, not configuration. They are not stored, because no axis may move
+and no output may switch at power-up. The limits of the profile are an exception.
 
-Stored, too, is the robot's name: object 2016h, a visible string of CiA 301, and the CRC-32 of it. The checksum fits
-into one SDO answer, so a program that only compares names disturbs no other one's dialogue.
+The robot's name (2016h:01, a visible string) is stored, too. Its CRC-32 (2016h:02) fits into one SDO answer, so a
+program that compares names does not disturb another program's transfer.
 """
 
 from binascii import crc32
@@ -18,19 +18,19 @@ from steptwin.protocol.entry import Access, DataType, Entry, Mapping
 from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
 NO_NAME: Final = 0
-"""Checksum of an empty name."""
+"""CRC-32 of an empty name."""
 _GROUPS: Final = ((0x1000, 0xFFFF), (0x1000, 0x1FFF), (0x6000, 0x9FFF), (0x2000, 0x5FFF))
-"""First and last index of each group of parameters that can be stored and restored."""
+"""First and last index of each group that can be stored and restored."""
 _Value = TypeVar("_Value", int, str)
 _SAVE, _LOAD = (int.from_bytes(word, "little") for word in (b"save", b"load"))
 _PROFILE_LIMITS = frozenset((od.PROFILE_VELOCITY, od.END_VELOCITY, od.PROFILE_ACCELERATION, od.PROFILE_DECELERATION))
-"""Entries that are stored although a PDO may write them: by themselves they move nothing."""
+"""Entries that are stored although a PDO may write them: they cause no motion by themselves."""
 _STATES = (od.ERROR_HISTORY_COUNT, od.CHARGE_TOKEN, od.EMERGENCY_STOP, od.GROUP_RATE_Q16, od.GROUP_RATE_HIGHEST_Q16)
 _NO_PARAMETERS = frozenset((*_STATES, *od.STORES, *od.RESTORES))
 
 
 def stored_name(name: str) -> str:
-    """Return a robot's name in printable ASCII, up to TEXT_BYTES_MAX: other characters as Python escapes them."""
+    """Return a robot's name in printable ASCII, with Python's escapes, cut to TEXT_BYTES_MAX."""
     printable = name.encode("unicode_escape").decode("ascii")
     return printable[:TEXT_BYTES_MAX]
 
@@ -41,10 +41,10 @@ def checksum(stored: str) -> int:
 
 
 class ParameterStorage:
-    """Keeps a node's parameters in its flash page; `busy` is true while writing flash would disturb the board."""
+    """Stores a node's parameters in its flash page; `busy` is true while a flash write would disturb the motion."""
 
     ability: Final = 1
-    """Value that 1010h and 1011h read as: parameters are stored and restored on command, not automatically."""
+    """Value of 1010h and 1011h: parameters are stored and restored on command, not automatically."""
 
     def __init__(self, dictionary: ObjectDictionary, page: FlashPage, busy: Callable[[], bool]) -> None:
         self._dictionary = dictionary
@@ -53,7 +53,7 @@ class ParameterStorage:
         dictionary.bind(self)
 
     def save_at(self, address: int, signature: int) -> None:
-        """Store the parameters of the group that belongs to an entry of 1010h."""
+        """Store the parameters of the group that an entry of 1010h names."""
         self._check(signature, _SAVE)
         first, last = _GROUPS[od.STORES.index(address)]
         for place, entry in self._dictionary.entries.items():
@@ -65,7 +65,7 @@ class ParameterStorage:
                 self._page.values[place] = self._dictionary.get(place)
 
     def load_at(self, address: int, signature: int) -> None:
-        """Forget the stored parameters of the group that belongs to an entry of 1011h."""
+        """Erase the stored parameters of the group that an entry of 1011h names."""
         self._check(signature, _LOAD)
         first, last = _GROUPS[od.RESTORES.index(address)]
         self._page.values = _outside(first, last, self._page.values)

@@ -1,7 +1,7 @@
 """The pictures in the folders of runs: drawing them takes longer than most runs, so only tests of them want them."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from importlib.util import find_spec
 
 import pytest
@@ -11,16 +11,8 @@ from steptwin.host.record.folder import writing
 
 @contextmanager
 def with_pictures() -> Iterator[None]:
-    """Let `run --out` draw its pictures, in processes of their own, while the block runs."""
+    """Let `run --out` draw its pictures while the block runs."""
     with _finding_by(find_spec):
-        yield
-
-
-@contextmanager
-def with_pictures_drawn_here() -> Iterator[None]:
-    """Let `run --out` draw its pictures in this process, where a test may have changed them."""
-    with with_pictures(), pytest.MonkeyPatch.context() as patch:
-        patch.setattr(writing, "drawing_apart", lambda: nullcontext(writing.draw_here))
         yield
 
 

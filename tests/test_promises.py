@@ -81,7 +81,7 @@ PROMISES = [
     Promise("docs/live.md", "are written to disk twice a second", live_board.RECORD_EVERY_S, 0.5),
     Promise("docs/live.md", "the last 1000 operations on the machine", live_board.OPERATIONS_MAX, 1000),
     Promise("docs/live.md", "ends the connection when 1 MiB waits for it", tcp_server.BACKLOG_MAX_BYTES, MIB),
-    Promise("docs/live.md", "tries again five times a second", tcp_server.REST_S, 0.2),
+    Promise("docs/live.md", "tries again five times a second", tcp_server.ACCEPT_PAUSE_S, 0.2),
     Promise("docs/live.md", "the server holds back frames for 100 ms", socketcand.SILENCE_S, 0.1),
     # --- the board
     Promise("docs/hardware.md", "The queue holds 64 records", pvt.QUEUE_DEPTH, 64),

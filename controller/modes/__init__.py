@@ -1,1 +1,1 @@
-"""The modes of operation of a drive (CiA 402-2), and the profiles that they run through."""
+"""The modes of operation of a drive (CiA 402-2), and their motion profiles."""

@@ -1,36 +1,35 @@
-"""Cyclic synchronous position and velocity modes (CiA 402-2): take a set-point with each SYNC, run through all.
+"""Cyclic synchronous position and velocity modes (CiA 402-2): follow a set-point of each SYNC.
 
-The set-point is the target position (607Ah). It is used when the slot of its SYNC closes (see `SyncClock`): a cubic of
-one period T, which ends at the set-point, then begins with the next servo tick. The cubic begins with the velocity at
-which the previous one ended, and ends with the velocity of the parabola through the last three set-points. For
-set-points P(kT) of a smooth motion that velocity is wrong by T^2 P'''/3. Between the set-points the axis is then off by
-at most 0.032 T^3 P''': T times that velocity times the largest s (1 - s) (1 - 2s), which is 0.096. Where the
-acceleration jumps by a, the axis is off by 4/27 T (a T/4) = 0.037 a T^2.
+The set-point is the target position (607Ah). It is used when the slot of its SYNC closes (see `SyncClock`): with the
+next servo tick begins a cubic of one period T that ends at the set-point. The cubic begins with the end velocity of the
+previous one, and ends with the velocity of the parabola through the last three set-points. For set-points P(kT) of a
+smooth motion this velocity has an error of T^2 P'''/3. Between the set-points the position error is then at most
+0.032 T^3 P''': T times the velocity error times 0.096, the maximum of s (1 - s) (1 - 2s). If the acceleration jumps by
+a, the position error is 4/27 T (a T/4) = 0.037 a T^2.
 
-Cubics last whole servo ticks. Slots are moved when the clocks of host and board drift apart; from then on they close up
-to a tick before or after they should, and each cubic ends where the parabola is at that time. While slots are moved the
-speed differs by 1/512 or, at 1 ms, by 1/1000; in the first period by twice that.
+Cubics last whole servo ticks. Slots move when the clocks of host and board drift apart. From then on a slot closes up
+to one tick early or late, and each cubic ends where the parabola is at that time. While slots move, the speed differs
+by 1/512 (at a period of 1 ms by 1/1000); in the first period by twice as much.
 
-From rest the axis follows from the next SYNC on, so the host begins with the position demand (6062h). A set-point
-farther from the previous one than the axis can move in the time between is a fault. After a sudden start the middle of
-a cubic may need more speed than the axis has: the axis then falls behind and catches up, and falling behind by a period
-is a fault. A set-point beyond the soft limits is moved to the limit (bit 11), and no cubic leads beyond the limits.
+From standstill the axis follows from the next SYNC on, so the host begins with the position demand (6062h). A set-point
+is a fault if the axis cannot reach it from the previous one in one period. After a sudden start the middle of a cubic
+may need more than the axis' speed limit. The axis then lags behind and catches up; a lag of one period is a fault. A
+set-point beyond the soft limits is moved to the limit (bit 11), and no cubic exceeds the limits.
 
-A slot without SYNC, or whose SYNC came without a set-point, is bridged with the velocity of the slot before. Each such
-slot adds three to a count, each set-point takes one away, and more than nine is a fault (EtherCAT's object 10F1h counts
-so). At rest a lost slot does no harm: the axis holds its position, and without SYNC it stops following.
+A slot without SYNC, or with a SYNC but no set-point, is bridged with the velocity of the previous slot. Each such slot
+adds three to a counter, each set-point subtracts one, and more than nine is a fault (as in EtherCAT's object 10F1h). At
+standstill a lost slot causes no fault: the axis holds its position, and without SYNC it stops following.
 
-Halt (bit 8) ramps to rest by the halt option code (605Dh). The axis follows again after the bit has been cleared and a
-SYNC has come; as at the beginning, the host starts from the position demand. A set-point that comes together with the
-word that ends the halt counts.
+Halt (bit 8) stops the axis as the halt option code (605Dh) selects. After the bit has been cleared, the axis follows
+from the next SYNC on, and the host starts from the position demand again. A set-point in the same frame as the
+controlword that ends the halt counts.
 
-In velocity mode the set-point is the target velocity (60FFh). It leads to a position: that of the slot before, and
-the way at this velocity in a period; what is less than a unit is kept for the next one. All else is as in position
-mode, but that a velocity beyond the axis' highest is reduced to it (bit 11), as in profile velocity mode. The target
-velocity is 0 again after each stop. There is no velocity offset (60B1h).
+In velocity mode the set-point is the target velocity (60FFh). The drive integrates it to a position and keeps fractions
+of a unit for the next period. The rest is as in position mode, except that a velocity above the axis' limit is reduced
+to it (bit 11), as in profile velocity mode. Each stop resets the target velocity to 0. There is no velocity offset
+(60B1h).
 
-Positions are in units, velocities in 1/64 unit per ms, as on the wire. These are functions of numbers alone, without
-CANopen or an axis.
+Positions are in units, velocities in 1/64 unit per ms, as on the wire.
 """
 
 from typing import NamedTuple
@@ -38,7 +37,7 @@ from typing import NamedTuple
 from steptwin.controller.modes.drive_mode import DriveMode
 from steptwin.controller.modes.interpolation import Interpolation
 from steptwin.controller.motion.axis_motion import Refusal
-from steptwin.controller.motion.kernel import TICKS_PER_MS, way_q16
+from steptwin.controller.motion.kernel import TICKS_PER_MS, distance_q16
 from steptwin.controller.node.axis_context import AxisContext
 from steptwin.controller.node.stops import AxisStop
 from steptwin.controller.node.sync_clock import TICK_US, Slot
@@ -51,21 +50,21 @@ _PER_UNIT_PER_US = 1000 * VELOCITY_PER_UNIT_PER_MS
 
 
 class Knot(NamedTuple):
-    """The position and the velocity where two cubics meet."""
+    """Position and velocity at which two cubics meet."""
 
     position_units: int
     velocity: int
 
 
 class CyclicCubic(NamedTuple):
-    """A cubic, which begins with the position and the velocity of the end of the previous one."""
+    """A cubic; it begins with the end position and end velocity of the previous one."""
 
     displacement_units: int
     end_velocity: int
 
 
 def parabola(points_units: tuple[int, int, int], after_us: int, period_us: int) -> Knot:
-    """Return where the parabola through the last three set-points, newest first, is `after_us` after the newest.
+    """Return the parabola through the last three set-points (newest first), evaluated `after_us` after the newest.
 
     With the points p0, p1, p2 a period T apart, a time r after p0 the parabola is at
     p0 + ((3 p0 - 4 p1 + p2) r/T + (p0 - 2 p1 + p2) (r/T)^2) / 2.
@@ -80,7 +79,7 @@ def parabola(points_units: tuple[int, int, int], after_us: int, period_us: int) 
 
 
 def highest_velocity(room_units: int, duration_us: int) -> int:
-    """Return the highest velocity at a knot, `room_units` from a soft limit, that keeps cubics within the limit.
+    """Return the highest velocity at a knot, `room_units` from a soft limit, with which cubics keep the limit.
 
     A cubic of at most `duration_us` stays between p0, p0 + v0 T/3, p1 - v1 T/3 and p1 (see `soft_limits.hull`).
     """
@@ -88,20 +87,20 @@ def highest_velocity(room_units: int, duration_us: int) -> int:
 
 
 def slowed(wanted: CyclicCubic, start_velocity: int, limit: int, room: int, ticks: int, microsteps: int) -> CyclicCubic:
-    """Return the cubic nearest to the wanted one that keeps the speed limit L and the end velocity's limit `room`.
+    """Return the cubic nearest to `wanted` that keeps the speed limit L and the end velocity limit `room`.
 
-    |v0|, |3D/T - v0 - v1| and |v1| bound the speed of a cubic. First D is limited to what any v1 can reach. Then v1
-    becomes the velocity nearest to the wanted one that keeps the middle bound. All values are in Q16 steps over the
-    duration of the cubic, as the kernel computes them.
+    |v0|, |3D/T - v0 - v1| and |v1| bound the speed of a cubic. First, D is limited to the distances that some v1 can
+    reach. Then v1 becomes the velocity nearest to the wanted one that keeps the middle bound. All values are in Q16
+    steps over the duration of the cubic, as in the kernel.
     """
     middle_q16 = 3 * microsteps << 2
-    """Share of one unit of D in the middle bound."""
+    """Contribution of one unit of D to the middle bound."""
     velocity_q16 = ticks * microsteps
-    """Share of a velocity of 64, one unit per ms, in a bound (see `way_q16`)."""
+    """Contribution of a velocity of 64 (one unit per ms) to a bound (see `distance_q16`)."""
     most = min(limit, room)
-    limit_q16, start_q16 = way_q16(limit, ticks, microsteps), way_q16(start_velocity, ticks, microsteps)
-    # The kernel rounds half a Q16 step up: a way back may be one less than the same way forward.
-    most_q16, most_back_q16 = way_q16(most, ticks, microsteps), -way_q16(-most, ticks, microsteps)
+    limit_q16, start_q16 = distance_q16(limit, ticks, microsteps), distance_q16(start_velocity, ticks, microsteps)
+    # The kernel rounds half a Q16 step up: a distance backward may be one less than the same distance forward.
+    most_q16, most_back_q16 = distance_q16(most, ticks, microsteps), -distance_q16(-most, ticks, microsteps)
     farthest = (limit_q16 + most_q16 + start_q16) // middle_q16
     farthest_back = (limit_q16 + most_back_q16 - start_q16) // middle_q16
     displacement_units = max(-farthest_back, min(wanted.displacement_units, farthest))
@@ -118,13 +117,13 @@ def _rounded(numerator: int, denominator: int) -> int:
 
 
 _LOST, _GOOD, _LOST_MAX = 3, 1, 9
-"""Added for a lost slot, taken away for a good one, and the most allowed: three lost slots in a row."""
+"""Counter of lost slots: increment of a lost one, decrement of a good one, highest value without fault."""
 NO_SYNC, NO_SET_POINT = 0, 1
-"""Details of the fault: whether the last lost slot lacked its SYNC or only its set-point."""
+"""Details of the fault: the last lost slot had no SYNC, or a SYNC but no set-point."""
 
 
 class _SlotReceptions(NamedTuple):
-    """Receptions of a slot so far: whether its SYNC has come, and its set-point, in units or in units per s."""
+    """Received in a slot so far: its SYNC, and its set-point in units or units per s."""
 
     sync: bool
     set_point: int | None
@@ -134,7 +133,7 @@ _NOTHING = _SlotReceptions(sync=False, set_point=None)
 
 
 class CyclicPosition(DriveMode):
-    """Turns one axis' set-points into cubics."""
+    """Makes cubics from the set-points of one axis."""
 
     def __init__(self, context: AxisContext, records: Interpolation, stop: AxisStop) -> None:
         super().__init__(context)
@@ -147,42 +146,42 @@ class CyclicPosition(DriveMode):
         """True while the drive is in OPERATION ENABLED in this mode and not halted."""
         self._following = False
         self._written: set[int] = set()
-        """The targets that have been written and that no SYNC has taken yet."""
+        """Written targets that no SYNC has used yet."""
         self._fresh: set[int] = set()
-        """Those that the present call has brought while the mode was halted or off."""
+        """Targets written in the present call while the mode was halted or off."""
         self._slot = self._clock.slot
         self._received = [_NOTHING, _NOTHING]
-        """Receptions of the open slot, and those that came early for the next slot."""
+        """Receptions of the open slot, and early receptions of the next slot."""
         self._points_units = (0, 0, 0)
-        """Set-points of the last three slots, bridged ones included, the newest first."""
+        """Set-points of the last three slots, bridged ones included, newest first."""
         self._taken_units = 0
-        """The last set-point that the host has sent, within the limits."""
+        """Last set-point from the host, within the limits."""
         self._bridged_slots = 0
-        """Number of slots bridged since that set-point."""
+        """Number of bridged slots since that set-point."""
         self._lost = 0
         self._at_limit = False
-        self._rest = 0
-        """In velocity mode, the way that is less than a unit, in thousandths of one."""
+        self._remainder_thousandths = 0
+        """Remaining travel of less than one unit in velocity mode, in thousandths of a unit."""
         context.dictionary.bind(self)
 
     def note_set_point_at(self, address: int, _value: int) -> None:
-        """Note that a target position or a target velocity is being written; the mode says which is a set-point."""
+        """Record that a target position or velocity is written; the mode determines which one is the set-point."""
         self._written.add(address)
         if not self._enabled:
             self._fresh.add(address)
             self._context.touch()
 
     def end_image(self) -> None:
-        """Let a set-point count as old that has come before what follows: it starts nothing."""
+        """End a process image: a set-point of an earlier image does not start a motion."""
         self._fresh.clear()
 
     def check_period(self, _period_ms: int) -> None:
-        """Refuse another period while the axis follows."""
+        """Refuse a change of the period while the axis follows."""
         if self._following:
             raise SdoAbortError(AbortCode.DEVICE_STATE)
 
     def control(self, controlword: int, _previous: int) -> None:
-        """Obey the halt bit. Ignore a target written before the mode was enabled, unless both came together."""
+        """Obey the halt bit. Ignore a target that was written before the mode was enabled, in another frame."""
         if controlword & Control.HALT:
             if self._following and self._motion.running:
                 self._stop.ramp_down(self._stop.halt_kind)
@@ -192,7 +191,7 @@ class CyclicPosition(DriveMode):
             self._written = self._fresh.copy()
 
     def interrupted(self) -> None:
-        """Stop following: the drive stops or halts. The next SYNC after that begins a new motion."""
+        """Stop following, because the drive stops or halts. The next SYNC after that begins a new motion."""
         self._enabled = False
         if self._by_velocity:
             self._dictionary.set(od.TARGET_VELOCITY, 0)
@@ -204,18 +203,18 @@ class CyclicPosition(DriveMode):
 
     @property
     def coordinated(self) -> bool:
-        """True while the axis follows, even while its set-points hold it at rest."""
+        """True while the axis follows, even if its set-points do not change."""
         return self._following
 
     def status_bits(self) -> int:
-        """Return bits 11, internal limit, and 12, drive follows the command value."""
+        """Return bits 11 and 12: internal limit, drive follows the command value."""
         bits = Status.INTERNAL_LIMIT if self._at_limit else 0
         return bits | (Status.FOLLOWS_COMMAND if self._following else 0)
 
     # --- SYNC
 
     def on_sync(self) -> None:
-        """Keep the set-point that came with this SYNC until its slot closes; a second one in the slot replaces it."""
+        """Keep the set-point of this SYNC until its slot closes; a second SYNC in the slot replaces it."""
         if not self._enabled or not (self._following or self._begin()):
             return
         slot = self._clock.hear(self._context.now_us)
@@ -225,12 +224,12 @@ class CyclicPosition(DriveMode):
         self._written.clear()
 
     def _begin(self) -> bool:
-        """Begin to follow, unless a ramp is still bringing the axis to rest; return whether the axis follows."""
+        """Begin to follow, unless a stop ramp still moves the axis; return whether the axis follows."""
         if self._motion.running:
             return False
         period_ms = self._dictionary.get(od.INTERPOLATION_PERIOD)
         if not self._clock.join(self._context.axis, 1000 * period_ms, self._context.now_us):
-            self._trip(ErrorCode.PARAMETER, period_ms)  # one SYNC cannot have two periods
+            self._trip(ErrorCode.PARAMETER, period_ms)  # all axes must use the period of the one SYNC
             return False
         self._records.close()
         self._motion.drop_queued()
@@ -238,7 +237,7 @@ class CyclicPosition(DriveMode):
         self._received = [_NOTHING, _NOTHING]
         self._points_units = (self._motion.tail_units,) * 3
         self._taken_units = self._points_units[0]
-        self._bridged_slots = self._lost = self._rest = 0
+        self._bridged_slots = self._lost = self._remainder_thousandths = 0
         self._following = True
         return True
 
@@ -246,11 +245,11 @@ class CyclicPosition(DriveMode):
 
     @property
     def due_us(self) -> int | None:
-        """Time when the slot closes: a tick before the cubic of the previous slot ends."""
+        """Instant when the slot closes: one tick before the cubic of the previous slot ends."""
         return self._slot.close_tick * TICK_US if self._following else None
 
     def poll(self, now_us: int) -> None:
-        """Queue the cubic of the slot that closes, if it is due."""
+        """Queue the cubic of the closing slot if it is due."""
         if self.due_us is None or now_us < self.due_us:
             return
         received = self._received.pop(0)
@@ -268,13 +267,13 @@ class CyclicPosition(DriveMode):
         return self._dictionary.get(od.MODE_OF_OPERATION_DISPLAY) == Mode.CYCLIC_SYNCHRONOUS_VELOCITY
 
     def _integrated(self, units_per_s: int) -> int:
-        """Return where a velocity leads from the last point in a period."""
-        way_thousandths = units_per_s * self._dictionary.get(od.INTERPOLATION_PERIOD) + self._rest
-        way_units, self._rest = divmod(way_thousandths, 1000)
-        return self._points_units[0] + way_units
+        """Return the position after one period at a velocity, from the last point."""
+        travel_thousandths = units_per_s * self._dictionary.get(od.INTERPOLATION_PERIOD) + self._remainder_thousandths
+        travel_units, self._remainder_thousandths = divmod(travel_thousandths, 1000)
+        return self._points_units[0] + travel_units
 
     def _taken(self, set_point: int) -> int | None:
-        """Return the set-point, moved within the soft limits; trip and return None if it is too far away."""
+        """Return the set-point, limited to the soft limits; trip and return None if it is too far away."""
         if self._by_velocity:
             highest = self._velocity_limit * 1000 // VELOCITY_PER_UNIT_PER_MS
             velocity = max(-highest, min(set_point, highest))
@@ -293,7 +292,7 @@ class CyclicPosition(DriveMode):
         return point_units
 
     def _bridged(self, received: _SlotReceptions) -> int | None:
-        """Return a point in place of a missing set-point, at constant velocity; None if too many are missing."""
+        """Return a point at constant velocity for a missing set-point; None if too many are missing."""
         last, before, _ = self._points_units
         if received.sync and last == before:
             return last
@@ -307,7 +306,7 @@ class CyclicPosition(DriveMode):
         return None
 
     def _range(self) -> tuple[int, int]:
-        """Return the positions that the axis may move to. From beyond a soft limit it may stay there or come back."""
+        """Return the range of allowed positions. From beyond a soft limit the axis may stay or return."""
         low, high = self._limits.range()
         tail_units = self._motion.tail_units
         return min(low, tail_units), max(high, tail_units)
@@ -319,7 +318,7 @@ class CyclicPosition(DriveMode):
     # --- cubics
 
     def _move(self, closed: Slot) -> None:
-        """Queue the cubic that ends a tick after the open slot closes, unless the axis rests and stays at rest."""
+        """Queue the cubic that ends one tick after the open slot closes, unless the axis stays at standstill."""
         motion = self._motion
         wanted, room = self._aim(self._slot.end_us - closed.end_us)
         start_velocity = motion.tail_velocity
@@ -334,7 +333,7 @@ class CyclicPosition(DriveMode):
             self._queue(cubic, ticks)
 
     def _aim(self, period_us: int) -> tuple[CyclicCubic, int]:
-        """Return the cubic that ends on the parabola when the open slot closes, and the end velocity allowed."""
+        """Return the cubic that ends on the parabola when the open slot closes, and the end velocity's limit."""
         end = parabola(self._points_units, self._slot.excess_us, period_us)
         low, high = self._range()
         end_units = max(low, min(end.position_units, high))
@@ -342,25 +341,25 @@ class CyclicPosition(DriveMode):
         return CyclicCubic(end_units - self._motion.tail_units, end.velocity), room
 
     def _queue(self, cubic: CyclicCubic, ticks: int) -> None:
-        """Queue a cubic. An axis at rest waits a tick first: then it begins together with the cubics of moving axes."""
+        """Queue a cubic. An axis at standstill first waits one tick, to begin together with moving axes."""
         motion = self._motion
-        stands = not motion.running
-        if stands:
+        at_standstill = not motion.running
+        if at_standstill:
             motion.push_ticks(0, 0, 1)
         if motion.push_ticks(*cubic, ticks) is not Refusal.ACCEPTED:
             motion.drop_queued()
             self._trip(ErrorCode.SEGMENT_REFUSED)
-        elif stands:
+        elif at_standstill:
             motion.start()
 
     @property
     def _velocity_limit(self) -> int:
-        """The axis' highest speed in 1/64 unit per ms, rounded so that cubics of any number of ticks may have it."""
+        """Highest speed in 1/64 unit per ms, rounded so that cubics of any number of ticks may have it."""
         limit_q16_per_ms = self._motion.rate_limit_q16_per_ms
         microsteps = self._motion.config.microsteps
         return (limit_q16_per_ms & -TICKS_PER_MS) * VELOCITY_PER_UNIT_PER_MS // (microsteps << 2)
 
     @property
     def _reach_units(self) -> int:
-        """Longest distance that the axis can move in a period, in units."""
+        """Longest travel in one period, in units."""
         return self._velocity_limit * self._dictionary.get(od.INTERPOLATION_PERIOD) // VELOCITY_PER_UNIT_PER_MS

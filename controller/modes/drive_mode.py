@@ -1,13 +1,13 @@
-"""The interface of a mode of operation, as the drive uses it."""
+"""The interface of a mode of operation."""
 
 from steptwin.controller.node.axis_context import AxisContext
 from steptwin.protocol.cia402 import DigitalInput
 
 
 class DriveMode:
-    """One mode of operation of one axis. It acts only while the drive is in OPERATION ENABLED.
+    """One mode of operation of one axis, which acts only in OPERATION ENABLED.
 
-    This base class does nothing: it is the mode after power-up, until the host selects one.
+    This base class does nothing. It is the mode after power-up, before the host selects one.
     """
 
     def __init__(self, context: AxisContext) -> None:
@@ -17,22 +17,22 @@ class DriveMode:
 
     @property
     def coordinated(self) -> bool:
-        """True while the axis moves in step with others, which must stop with it."""
+        """True while the axis moves together with others, which must stop with it."""
         return False
 
     @property
     def seeks_switches(self) -> bool:
-        """True while the mode itself reacts to limit switches, so that they are not faults."""
+        """True while the mode reacts to limit switches itself, so they are not faults."""
         return False
 
     @property
     def switches_at(self) -> int:
-        """The axis of the board at whose inputs the mode's switches are; by default, its own."""
+        """Axis whose inputs have the mode's switches; by default, this axis."""
         return self._context.axis
 
     @property
     def due_us(self) -> int | None:
-        """Time of the next call of `poll`; None if the mode waits for nothing."""
+        """Time of the next call of `poll`; None if nothing is due."""
         return None
 
     def poll(self, now_us: int) -> None:
@@ -42,16 +42,16 @@ class DriveMode:
         """Obey the mode's own bits of a controlword."""
 
     def on_sync(self) -> None:
-        """Handle a SYNC, after the process data latched with it has been written."""
+        """Handle a SYNC, after its latched process data have been written."""
 
     def inputs_changed(self, inputs: DigitalInput) -> None:
-        """Handle new input levels, as of the end of the last tick."""
+        """Handle new input levels, read at the end of the last tick."""
 
     def finished(self) -> None:
-        """Handle the end of a motion: the axis is at rest."""
+        """Handle the end of a motion: the axis is at standstill."""
 
     def interrupted(self) -> None:
-        """Abandon the mode's motion: the drive stops it, leaves OPERATION ENABLED or changes to another mode."""
+        """Abandon the motion, because the drive stops it, leaves OPERATION ENABLED or changes the mode."""
 
     def target_reached(self) -> bool:
         """Return bit 10 of the statusword; by default, standstill."""

@@ -1,24 +1,22 @@
-"""Homing mode (CiA 402-2, "homing mode"): find a switch's edge and count the position from there.
+"""Homing mode (CiA 402-2, "homing mode"): find the edge of a switch and define the position there.
 
-A rising bit 4 of the controlword starts the homing from standstill, with the objects as they are then: homing method
-(6098h), speeds (6099h), acceleration (609Ah) and timeout (2020h:01). `switch_search` moves the axis to the edge. When
-the axis stands behind the edge, the step where the edge was seen becomes the home offset (607Ch), to the nearest
-step. Methods 35 and 37 set the position of the standing axis to the home offset exactly: since a unit is finer than a
-step, the demand may then lie between two steps.
+A rising bit 4 of the controlword starts the homing from standstill with the present values of homing method (6098h),
+speeds (6099h), acceleration (609Ah) and time-out (2020h:01). `switch_search` moves the axis to the edge. When the axis
+is at standstill behind the edge, the step at which the edge was seen becomes the home offset (607Ch), to the nearest
+step. Methods 35 and 37 set the position at standstill to exactly the home offset. Because a unit is finer than a step,
+the demand may then be between two steps. Method 0 is attained at once and changes nothing.
 
-Method 0 needs no homing: it is attained at once and changes nothing.
+Axes that move one joint together, such as the two motors of a CoreXY or of a gantry, are homed together: all start at
+one SYNC. By 2020h:03 each monitors the switches of the same axis, so all see an edge in the same tick and each latches
+its own counter. 2020h:03 to 05 are valid for the next homing only.
 
-Axes that move one joint together, as the two motors of a CoreXY or at the ends of a gantry's beam, are homed together:
-all start at one SYNC, and with 2020h:03 each watches the switches of the same axis, so that all see an edge in the same
-tick and each latches its own counter there. 2020h:03 to 05 hold for the next homing only.
+All ramps keep the homing acceleration, except a halt with the quick stop ramp (605Dh = 2). While the mode moves the
+axis, soft limits do not apply and limit switches are not faults. An error stops the axis; the drive stays enabled and
+the position stays valid. A falling bit 4 aborts the homing. Halt (bit 8) interrupts it; after the halt the homing
+starts again from the present position.
 
-All ramps keep the homing acceleration, except a halt with the quick stop ramp (605Dh = 2). Soft limits do not apply,
-and limit switches are not faults while the mode itself moves the axis. An error stops the axis; the drive stays enabled
-and the position keeps its count. A falling bit 4 aborts. Halt (bit 8) interrupts; when it ends, the homing begins again
-from where the axis stands.
-
-Bits 12 and 10 of the statusword rise together. CiA 402 also has "attained, but target not reached"; a master that goes
-on at bit 12 would then find the axis still moving, in coordinates that are about to change.
+Bits 12 and 10 of the statusword rise together. CiA 402 also has "attained, but target not reached". A master that
+continues at bit 12 would then see the axis still move, and its coordinates change.
 """
 
 from enum import Enum, auto
@@ -41,14 +39,14 @@ class _State(Enum):
     """Not started, or aborted."""
     HALTED = auto()
     WAITING = auto()
-    """Started; begins when the axis stands."""
+    """Started; begins at standstill."""
     SEARCHING = auto()
     DONE = auto()
     FAILED = auto()
 
 
 class Homing(DriveMode):
-    """Starts and ends homings, and sets the position reference; `SwitchSearch` makes the motion."""
+    """Controls homings and sets the position reference; `SwitchSearch` makes the motion."""
 
     def __init__(self, context: AxisContext, feed: ProfileFeed, records: Interpolation) -> None:
         super().__init__(context)
@@ -56,15 +54,15 @@ class Homing(DriveMode):
         self._records = records
         self._state = _State.IDLE
         self._search: SwitchSearch | None = None
-        """The search in progress in SEARCHING."""
+        """Search in progress while SEARCHING."""
         self._deadline_us: int | None = None
         self._switches_at: int | None = None
-        """The axis whose switches a homing together with others watches; None for a homing alone."""
+        """Axis whose switches are monitored in a homing of several axes; None for a homing of one axis."""
         self._reversed = self._partial = False
         context.dictionary.bind(self)
 
     def check_switch_node(self, node_id: int) -> None:
-        """Refuse a node that is not on this board."""
+        """Refuse the node id of another board."""
         if node_id and node_id not in self._context.board.node_ids:
             raise SdoAbortError(AbortCode.VALUE_RANGE)
 
@@ -84,24 +82,20 @@ class Homing(DriveMode):
 
     @property
     def _seeking(self) -> bool:
-        """True while the homing can be aborted; once the edge is latched the axis comes to rest in any case."""
+        """True while the homing can be aborted; after the latch of the edge the axis always finishes its stop."""
         latched = self._search is not None and self._search.phase is Phase.LATCHED
         return self._state is _State.WAITING or (self._state is _State.SEARCHING and not latched)
 
     def _start(self, *, halted: bool) -> None:
         self._clear_error()
         self._dictionary.set(od.HOMING_ERROR, HomingError.NONE)
-        self._take_options()
-        self._state = _State.HALTED if halted else _State.WAITING
-
-    def _take_options(self) -> None:
-        """Take the objects that hold for one homing only."""
         get = self._dictionary.get
         node_id = get(od.HOMING_SWITCH_NODE)
         self._switches_at = self._context.board.node_ids.index(node_id) if node_id else None
         self._reversed, self._partial = bool(get(od.HOMING_REVERSED)), bool(get(od.HOMING_PARTIAL))
-        for address in (od.HOMING_SWITCH_NODE, od.HOMING_REVERSED, od.HOMING_PARTIAL):
+        for address in (od.HOMING_SWITCH_NODE, od.HOMING_REVERSED, od.HOMING_PARTIAL):  # valid for one homing only
             self._dictionary.set(address, 0)
+        self._state = _State.HALTED if halted else _State.WAITING
 
     def _stop(self, *, halted: bool) -> None:
         self._search = self._deadline_us = None
@@ -110,13 +104,13 @@ class Homing(DriveMode):
             (self._feed.halt if halted else self._feed.stop)(limits)
 
     def _begin(self) -> None:
-        """Begin the homing that waits, if the axis stands."""
+        """Begin a waiting homing at standstill."""
         if self._state is not _State.WAITING or self._motion.running:
             return
         number = self._dictionary.get(od.HOMING_METHOD)
         method = HOMING_METHODS.get(number)
         if number == NO_HOMING:
-            self._partial = True  # the position is known or unknown as before
+            self._partial = True  # the position reference stays as it is
             self._end(_State.DONE)
         elif method is None:
             self._records.discard()
@@ -185,13 +179,13 @@ class Homing(DriveMode):
     # --- events
 
     def inputs_changed(self, inputs: DigitalInput) -> None:
-        """Handle new input levels, as of the end of the last tick."""
+        """Handle new input levels, read at the end of the last tick."""
         if self._search:
             self._search.inputs_changed(inputs)
             self._conclude()
 
     def finished(self) -> None:
-        """Handle standstill, after a stroke or ramp of this mode or after any other motion."""
+        """Handle standstill after any motion."""
         if not self._feed.finished():
             return
         if self._search:
@@ -200,7 +194,7 @@ class Homing(DriveMode):
         self._begin()
 
     def interrupted(self) -> None:
-        """Abort a homing in progress: the drive stops or changes its mode. A homing that is done stays valid."""
+        """Abort a homing in progress, because the drive stops or changes its mode. A finished homing stays valid."""
         self._feed.abandon()
         if self._state is not _State.DONE:
             self._clear_error()
@@ -208,11 +202,11 @@ class Homing(DriveMode):
 
     @property
     def due_us(self) -> int | None:
-        """Time when the homing fails by timeout; the ramp behind the edge may take longer."""
+        """Instant of the homing's time-out; the ramp behind the edge may take longer."""
         return self._deadline_us if self._seeking else None
 
     def poll(self, now_us: int) -> None:
-        """Fail the homing if its timeout is over."""
+        """Fail the homing if it has timed out."""
         if self.due_us is not None and self.due_us <= now_us and self._search:
             self._search.time_out()
             self._conclude()
@@ -221,12 +215,12 @@ class Homing(DriveMode):
 
     @property
     def switches_at(self) -> int:
-        """The axis at whose inputs the switches are."""
+        """Axis whose inputs have the switches."""
         return self._context.axis if self._switches_at is None else self._switches_at
 
     @property
     def coordinated(self) -> bool:
-        """True while a homing together with others moves the axis."""
+        """True while a homing of several axes moves this axis."""
         return self._switches_at is not None and self._feed.active
 
     @property
@@ -235,11 +229,11 @@ class Homing(DriveMode):
         return self._feed.active
 
     def target_reached(self) -> bool:
-        """Return bit 10: the axis stands, and no homing waits or is between two strokes."""
+        """Return bit 10: the axis is at standstill, and no homing waits or is between two strokes."""
         return self._state not in (_State.WAITING, _State.SEARCHING) and super().target_reached()
 
     def status_bits(self) -> int:
-        """Return bits 12, homing attained, until the reference is lost or a homing starts, and 13, homing error."""
+        """Return bits 12 and 13: homing attained (until the reference is lost or a homing starts), homing error."""
         if self._state is _State.FAILED:
             return Status.HOMING_ERROR
         attained = self._state is _State.DONE and (self._partial or self._context.reference.known)

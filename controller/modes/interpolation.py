@@ -1,11 +1,11 @@
-"""Interpolated position mode: queue PVT records in order of their sequence numbers and run them as cubic segments.
+"""Interpolated position mode: queue PVT records in the order of their sequence numbers; run them as cubic segments.
 
-A queue that is stopped before its end is closed: it takes no record until the host clears it (buffer clear, 60C4h:06),
-so that a stream still under way cannot set the axis moving again.
+A queue that is stopped before its end is closed. It accepts no record until the host clears it (buffer clear,
+60C4h:06): frames that are still in transit cannot move the axis again.
 
-A record is four entries of the dictionary (60C1h:01 to :04), as CiA 402 has an interpolation data record: so any
-CANopen master can map it into a PDO, or write it by SDO. The sequence number is the last of the four, and writing it
-queues the record. The other three are read from their cells.
+A record consists of four entries (60C1h:01 to :04), as CiA 402's interpolation data record. Any CANopen master can map
+it into a PDO or write it by SDO. A write of the last entry, the sequence number, queues the record; the other three are
+read from their cells.
 """
 
 from steptwin.controller.modes.drive_mode import DriveMode
@@ -23,7 +23,7 @@ _STICKY = {Verdict.GAP: PvtFlag.GAP, Verdict.FULL: PvtFlag.OVERFLOW}
 
 
 class Interpolation(DriveMode):
-    """One axis' PVT queue as the bus sees it: flow control, PVT status (2012h) and PVT counters (2013h)."""
+    """The bus side of one axis' PVT queue: flow control, PVT status (2012h) and PVT counters (2013h)."""
 
     def __init__(self, context: AxisContext, stop: AxisStop) -> None:
         super().__init__(context)
@@ -31,15 +31,15 @@ class Interpolation(DriveMode):
         self._stop = stop
         self._group = context.board.motion.group
         self.next_sequence: int = 0
-        """Number that the next record must have."""
+        """Expected sequence number of the next record."""
         self._sticky = 0
         """Flags that stay set until they are cleared."""
         self._running = False
         self._closed = False
         self.ready = False
-        """True while the drive is enabled in this mode: a queue with records is then armed."""
+        """True while the drive is enabled in this mode; a queue with records is then armed."""
         self.taken: list[PvtRecord] | None = None
-        """Records taken since the board has fetched them; None if it fetches none."""
+        """Records accepted since the board last fetched them; None if it fetches none."""
         dictionary = context.dictionary
         dictionary.bind(self)
         self._limits = context.limits
@@ -52,7 +52,7 @@ class Interpolation(DriveMode):
     # --- records in
 
     def take_record(self, sequence: int) -> None:
-        """Queue the record whose sequence number is being written; its other fields have been written before."""
+        """Queue the record whose sequence number is written now; its other fields have been written before."""
         queued = self._motion.queued
         verdict = judge(sequence, self.next_sequence, 0 if self._closed else QUEUE_DEPTH - queued)
         if verdict is Verdict.STALE:
@@ -75,7 +75,7 @@ class Interpolation(DriveMode):
             self.taken.append(PvtRecord(units, velocity, duration_ms, sequence))
 
     def _push(self, displacement_units: int, end_velocity: int, duration_ms: int) -> Refusal:
-        """Queue a segment, unless it leads out of the soft limits; from beyond a limit it may only lead back."""
+        """Queue a segment, unless it leaves the soft limits; from beyond a limit it may only return."""
         low, high = self._limits.range()
         if low > -I32_MAX or high < I32_MAX:
             start, velocity = self._motion.tail_units, self._motion.tail_velocity
@@ -85,7 +85,7 @@ class Interpolation(DriveMode):
         return self._motion.push_record(displacement_units, end_velocity, duration_ms * TICKS_PER_MS)
 
     def _drop(self, verdict: Verdict) -> None:
-        """Count and flag a gap or an overflow; report only the first in a row, so that junk cannot flood the bus."""
+        """Count and flag a gap or an overflow; report only the first one, so that bad records cannot flood the bus."""
         flag = _STICKY[verdict]
         self._dictionary.cell(od.PVT_GAPS if verdict is Verdict.GAP else od.PVT_OVERFLOWS).count()
         if not self._sticky & flag:
@@ -99,7 +99,7 @@ class Interpolation(DriveMode):
         raise SdoAbortError(AbortCode.VALUE_RANGE)
 
     def clear(self, value: int) -> None:
-        """Empty the queue and expect sequence number 0 next, when 0 is written; refuse while the axis moves."""
+        """Empty the queue if 0 is written, and expect sequence number 0 next; refuse while the axis moves."""
         if value:
             return
         if self._motion.running:
@@ -108,7 +108,7 @@ class Interpolation(DriveMode):
         self.restart()
 
     def restart(self) -> None:
-        """Expect sequence number 0, clear the flags, open the queue; its records are to run at full rate at most."""
+        """Expect sequence number 0, clear the flags, open the queue and limit its rate to full rate."""
         self.next_sequence = 0
         self._sticky = 0
         self._errors.resolved(ErrorCode.SEGMENT_REFUSED)
@@ -119,17 +119,17 @@ class Interpolation(DriveMode):
     # --- the rate of the group's time
 
     def wanted_rate(self) -> int:
-        """Return the rate of the group's time while it is not halted, in Q16; full rate while no axis interpolates."""
+        """Return the requested rate of the group's time in Q16; full rate if no axis interpolates."""
         return self._group.wanted_q16 if self._group.members else FULL_RATE_Q16
 
     def present_rate(self) -> int:
-        """Return the present rate of the group's time, likewise in Q16; it may be on its way to another."""
+        """Return the present rate of the group's time in Q16, which may be on a ramp."""
         return self._group.rate_q16(self._context.board.motion.tick)
 
     def want_rate(self, rate_q16: int) -> None:
-        """Let the group run slower or faster; refuse without a motion, or what is faster than its records allow.
+        """Request another rate of the group; refuse it without a motion, or if the records do not allow it.
 
-        What is wanted already may always be written, as by a master that writes back what it has read.
+        The present request may always be written again, as by a master that writes back what it has read.
         """
         if rate_q16 == self.wanted_rate():
             return
@@ -140,11 +140,11 @@ class Interpolation(DriveMode):
         self._group.wanted_q16 = rate_q16
 
     def highest_rate(self) -> int:
-        """Return the highest rate at which this axis' records keep the limit of the step rate."""
+        """Return the highest rate at which this axis' records keep the step rate limit."""
         return self._motion.highest_rate_q16
 
     def allow_rate(self, rate_q16: int) -> None:
-        """Judge the records that follow by their step rate at this rate; refuse while there are any."""
+        """Check the following records with their step rate at this rate; refuse if records are queued."""
         if self._motion.running or self._motion.queued:
             raise SdoAbortError(AbortCode.DEVICE_STATE)
         self._motion.highest_rate_q16 = rate_q16
@@ -152,25 +152,26 @@ class Interpolation(DriveMode):
     # --- the mode
 
     def control(self, controlword: int, previous: int) -> None:
-        """Start the queue in the next tick when the enable bit rises; slow it down to rest when the bit falls.
+        """Start the queue in the next tick when the enable bit rises; stop it by a ramp when the bit falls.
 
-        The halt bit concerns the group (see `Firmware`): a queue started during a halt rests at its first record.
+        The halt bit concerns the group (see `Firmware`): a queue started during a halt waits at its first record.
         """
         enabled = controlword & Control.START
         if self._running and not enabled:
             self._stop.ramp_down(StopKind.SLOW_DOWN)
             self.interrupted()
-        elif enabled and not previous & Control.START and self._start():
+        elif (
+            enabled
+            and not previous & Control.START
+            and not self._motion.running  # a stop ramp may still move the axis
+            and self._motion.start(in_group=True)
+        ):
             self._running = True
             self._dictionary.set(od.PVT_LEAST_FILL, QUEUE_DEPTH)
             self._flags_changed()
 
-    def _start(self) -> bool:
-        """Begin the first record, unless a ramp is still bringing the axis to rest; return whether it began."""
-        return not self._motion.running and self._motion.start(in_group=True)
-
     def finished(self) -> None:
-        """Handle the end of the queue at rest."""
+        """Handle the end of the queue at standstill."""
         self._running = False
         self._flags_changed()
 
@@ -178,23 +179,23 @@ class Interpolation(DriveMode):
         self._context.changed(od.PVT_FLAGS)
 
     def discard(self) -> None:
-        """Drop the records that wait, and close the queue: their numbers are taken, so the host must begin again."""
+        """Drop the waiting records and close the queue: their numbers are used, so the host must start again."""
         if self._motion.queued:
             self._motion.flush()
             self.stopped()
 
     def stopped(self) -> None:
-        """Close the queue: it was stopped before its end."""
+        """Close the queue, because it was stopped before its end."""
         self._closed = True
         self.finished()
 
     def close(self) -> None:
-        """Close the queue, unless it is closed: another mode takes over the axis."""
+        """Close the queue, because another mode takes over the axis."""
         if not self._closed:
             self.stopped()
 
     def interrupted(self) -> None:
-        """Close the queue if it runs: the drive stops the motion or leaves OPERATION ENABLED."""
+        """Close a running queue, because the drive stops the motion or leaves OPERATION ENABLED."""
         if self._running:
             self.stopped()
 
@@ -203,7 +204,7 @@ class Interpolation(DriveMode):
         return not self._motion.running or self._motion.halted
 
     def underrun(self) -> None:
-        """Handle a queue that has run out while the axis moves."""
+        """Handle an underrun: the queue is empty while the axis moves."""
         self._sticky |= PvtFlag.UNDERRUN
         self._dictionary.cell(od.PVT_UNDERRUNS).count()
         self.stopped()
@@ -220,7 +221,7 @@ class Interpolation(DriveMode):
     # --- status and counters
 
     def free_records(self) -> int:
-        """Return the number of records that the queue has room for."""
+        """Return the number of free places in the queue."""
         return 0 if self._closed else QUEUE_DEPTH - self._motion.queued
 
     def flags(self) -> int:
@@ -238,6 +239,6 @@ class Interpolation(DriveMode):
         return flags
 
     def executing_sequence(self) -> int:
-        """Return the number of the record that is being executed, or was last."""
+        """Return the sequence number of the present record, or of the last one."""
         behind = self._motion.queued + 1
         return (self.next_sequence - behind) % SEQUENCE_MODULUS

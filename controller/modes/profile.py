@@ -1,25 +1,25 @@
-"""Generate motion profiles: from any velocity to rest at a target, or through one target and to rest at the next.
+"""Generate motion profiles: from any velocity to a stop at a target, or through one target to a stop at the next.
 
-A profile is a sequence of ramps: to the peak velocity, a cruise at the peak, and the brake to rest. Linear and
-jerk-limited ramps are planned alike; they differ only in how long a change of velocity takes. Whole milliseconds rarely
-add up to the exact distance. The last ramp makes up for it: it is stretched until it covers the distance or a little
-more, and the excess is subtracted along a smoothstep, so that it ends exactly at the target.
+A profile is a sequence of ramps: acceleration to the peak velocity, cruise, and deceleration. Linear and jerk-limited
+ramps are planned alike; they differ only in the time of a velocity change. Whole milliseconds rarely give the exact
+distance, so the last ramp corrects it: it is stretched to cover at least the distance, and the excess is subtracted
+along a smoothstep. So the profile ends exactly at the target.
 
-A target on the way is passed at an exact velocity. There is no brake to make up for the milliseconds: the cruise before
-it does, as long as this needs, and gives the excess back along a smoothstep.
+A passed target is reached with an exact velocity. Instead of the last ramp, the cruise before the target corrects the
+distance: it becomes longer, and the excess is subtracted along a smoothstep.
 
-A jerk-limited motion that begins on the way first brings the acceleration to 0. An axis that brakes already must not
-lose its deceleration where it has to stop: it enters the ramp to rest that has its velocity and acceleration.
+A jerk-limited motion that begins in motion first reduces the acceleration to 0. An axis that already brakes must keep
+its deceleration if it has to stop: it enters the stop ramp at the point with its velocity and acceleration.
 
-These are functions of numbers alone, without CANopen, an axis or a clock.
+The functions use numbers only: no CANopen, no axis, no clock.
 
 Accuracy: `Profile` rounds positions to units and velocities to 1/64 unit per ms. On a segment of T ms, T >= GRAIN_MS,
 that changes speeds by less than 3 / T + 1/64 units per ms and accelerations by less than (6 / T + 1/16) / T units per
 ms^2; `_unbend` may add 1/64 unit per ms. Apart from rounding, speed and acceleration keep their limits, with two
-exceptions. First, a target may be moved nearer during the motion, so that hardly more than the shortest way to stop is
-left: stopping there in T ms takes up to (1 + 3 / T) times the deceleration. If even less is left, the axis overshoots
-and comes back. Second, where a jerk-limited ramp has constant acceleration for less than GRAIN_MS, one segment's cubic
-spans a bend of the acceleration and exceeds it by at most 2/9.
+exceptions. First, a new target may leave hardly more than the shortest stopping distance: a stop there in T ms takes up
+to (1 + 3 / T) times the deceleration. With even less distance, the axis overshoots and returns. Second, if a
+jerk-limited ramp has constant acceleration for less than GRAIN_MS, the cubic of one segment spans a bend of the
+acceleration and exceeds it by at most 2/9.
 """
 
 from collections.abc import Callable
@@ -37,11 +37,11 @@ from steptwin.controller.modes.ramps import (
 )
 
 _SLACK_MS = 4
-"""Extra time planned for the last ramp, so that subtracting the excess distance keeps its deceleration."""
+"""Extra time of the last ramp; with it, subtracting the excess distance keeps the deceleration."""
 
 
 class Limits(NamedTuple):
-    """The limits of a motion.
+    """Limits of a motion.
 
     Attributes:
         velocity: highest speed in 1/64 unit per ms, at least 1.
@@ -57,12 +57,12 @@ class Limits(NamedTuple):
 
 
 class Passing(NamedTuple):
-    """How a target is passed on the way to the next one.
+    """How the axis passes a target and stops at the next one.
 
     Attributes:
-        velocity: speed wanted at the target, in 1/64 unit per ms.
-        onward_units: the way from the target to the next one, where the axis stops.
-        limits: the limits of the motion onward.
+        velocity: requested speed at the target, in 1/64 unit per ms.
+        onward_units: travel from the target to the next one, where the axis stops.
+        limits: limits of the motion after the target.
     """
 
     velocity: int
@@ -71,36 +71,36 @@ class Passing(NamedTuple):
 
 
 def move(distance_units: int, velocity: int, acceleration: int, limits: Limits) -> Profile:
-    """Return the profile to rest at a distance, from a velocity and an acceleration.
+    """Return the profile that stops after a distance, from an initial velocity and acceleration.
 
-    A jerk-limited motion first brings the acceleration to 0. If it brakes already, and would then be too fast to stop
-    at the distance, it brakes on.
+    A jerk-limited motion first reduces the acceleration to 0. If the axis already brakes, and would then be too fast to
+    stop in the distance, it continues to brake.
     """
     distance = distance_units << PER_UNIT_BITS
     entry = _unbend(velocity, acceleration, limits)
     if _brakes(velocity, acceleration, limits) and _overruns(distance, velocity, entry, limits):
         entry = _brake_before(distance, velocity, acceleration, limits)
-    return _begun_with(entry, _ramps_to(distance - entry.way, entry.ramp.to_velocity, limits))
+    return _begun_with(entry, _ramps_to(distance - entry.remaining, entry.ramp.to_velocity, limits))
 
 
 def move_through(
     distance_units: int, velocity: int, acceleration: int, limits: Limits, passing: Passing
 ) -> Profile | None:
-    """Return the profile that passes a target at a distance and comes to rest at the next one.
+    """Return the profile that passes a target after a distance and stops at the next one.
 
-    It passes the target at the velocity wanted, or as fast as the limits, the way to it and the way onward allow. None
-    if it must stop there: the next target is not farther in the same direction, or there is no room to pass.
+    It passes the target at the requested velocity, or as fast as the limits and both distances allow. Return None if
+    the axis must stop at the target: the next one is not farther in the same direction, or both are too close.
     """
     entry = _unbend(velocity, acceleration, limits)
-    distance = (distance_units << PER_UNIT_BITS) - entry.way
+    distance = (distance_units << PER_UNIT_BITS) - entry.remaining
     ramps = _ramps_through(distance, entry.ramp.to_velocity, limits, passing)
     return None if ramps is None else _begun_with(entry, ramps)
 
 
 def stop(velocity: int, acceleration: int, limits: Limits, end_units: int | None = None) -> Profile:
-    """Return the shortest profile to rest; it ends at a whole unit.
+    """Return the shortest profile to a stop; it ends at a whole unit.
 
-    An axis that brakes already brakes on, and not farther than to the end of its present profile, if that is told.
+    An axis that already brakes continues to brake, but not beyond `end_units`, the end of its present profile.
     """
     if _brakes(velocity, acceleration, limits):
         entry = _brake_on(velocity, acceleration, limits)
@@ -114,10 +114,10 @@ def _begun_with(entry: EnteredRamp, ramps: list[Ramp]) -> Profile:
 
 
 def _unbend(velocity: int, acceleration: int, limits: Limits) -> EnteredRamp:
-    """Return the way to acceleration 0: the second half of a ramp without constant acceleration.
+    """Return the ramp to acceleration 0: the second half of a ramp without constant acceleration.
 
-    With the jerk of the ramp that it leaves, it takes no longer than the rest of that ramp would. With a lower jerk it
-    would lead beyond that ramp's velocities; then the velocity limit has priority over the jerk limit.
+    With the jerk of the present ramp, it takes no longer than the rest of that ramp. With a lower jerk it would exceed
+    that ramp's velocities; then the velocity limit has priority over the jerk limit.
     """
     if not limits.jerk or not acceleration:
         return EnteredRamp(Ramp(velocity, velocity, 0), 0)
@@ -131,41 +131,41 @@ def _unbend(velocity: int, acceleration: int, limits: Limits) -> EnteredRamp:
 
 
 def _brakes(velocity: int, acceleration: int, limits: Limits) -> bool:
-    """Return True if a jerk-limited motion slows down already."""
+    """Return whether a jerk-limited motion already slows down."""
     return limits.jerk > 0 and velocity * acceleration < 0
 
 
 def _overruns(distance: int, velocity: int, entry: EnteredRamp, limits: Limits) -> bool:
-    """Return True if an axis that brakes is too fast to stop at a distance in 1/128 unit once it has made the entry.
+    """Return whether a braking axis is too fast after `entry` to stop in a distance in 1/128 unit.
 
-    So it is, too, if the entry turns it round before it has got there.
+    This includes an entry that reverses the axis before the distance is reached.
     """
     sign = 1 if velocity > 0 else -1
-    left, speed = sign * (distance - entry.way), sign * entry.ramp.to_velocity
+    left, speed = sign * (distance - entry.remaining), sign * entry.ramp.to_velocity
     if speed < 0:
         return left > 0
     return left < _ramp(speed, 0, limits.deceleration, limits.jerk).distance
 
 
 def _brake_before(distance: int, velocity: int, acceleration: int, limits: Limits) -> EnteredRamp:
-    """Return the gentlest ramp to rest within a distance in 1/128 unit, of an axis that brakes; else the shortest."""
+    """Return the slowest stop ramp of a braking axis within a distance in 1/128 unit; else the shortest one."""
     sign = 1 if velocity > 0 else -1
 
     def at(less: int) -> EnteredRamp:
         return _brake_on(velocity, acceleration, limits._replace(deceleration=limits.deceleration - less))
 
     return _within(
-        distance, at(_highest(0, limits.deceleration - 1, lambda less: sign * at(less).way <= sign * distance))
+        distance, at(_highest(0, limits.deceleration - 1, lambda less: sign * at(less).remaining <= sign * distance))
     )
 
 
 def _within(distance: int, entry: EnteredRamp) -> EnteredRamp:
-    """Return a ramp to rest that gives back what it leads beyond a distance in 1/128 unit, if less than a ms' way.
+    """Correct a stop ramp that exceeds a distance in 1/128 unit by less than the travel in one millisecond.
 
-    So much comes from whole milliseconds. With more the axis cannot stop there.
+    Such an excess comes from whole milliseconds. With more excess the axis cannot stop there.
     """
     ramp, skipped_ms = entry
-    excess = entry.way - distance
+    excess = entry.remaining - distance
     if excess * ramp.from_velocity <= 0 or abs(excess) > abs(2 * ramp.from_velocity):
         return entry
     cube = ramp.duration_ms**3
@@ -174,10 +174,10 @@ def _within(distance: int, entry: EnteredRamp) -> EnteredRamp:
 
 
 def _brake_on(velocity: int, acceleration: int, limits: Limits) -> EnteredRamp:
-    """Return the rest of the ramp to rest in which an axis that brakes already finds itself.
+    """Return the remaining stop ramp of a braking axis.
 
-    It keeps the deceleration, or the present one if that is higher, since it cannot be less at once. It never turns
-    round: if the deceleration can no longer fall to 0 within the jerk before the axis stands, this has priority.
+    It keeps the deceleration limit, or the present deceleration if that is higher and cannot fall at once. The axis
+    never reverses: if the deceleration cannot fall to 0 within the jerk before standstill, this has priority.
     """
     if velocity < 0:
         entry = _brake_on(-velocity, -acceleration, limits)
@@ -200,44 +200,44 @@ def _brake_on(velocity: int, acceleration: int, limits: Limits) -> EnteredRamp:
 
 
 def _ramps_to(distance: int, velocity: int, limits: Limits) -> list[Ramp]:
-    """Return the ramps from a velocity, at acceleration 0, to rest at a distance in 1/128 unit; both of any sign."""
+    """Return the ramps from a velocity, at acceleration 0, to a stop after a distance in 1/128 unit; any signs."""
     if distance < 0 or (distance == 0 and velocity < 0):
         return [ramp.mirrored() for ramp in _ramps_to(-distance, -velocity, limits)]
     halt = _ramp(velocity, 0, limits.deceleration, limits.jerk)
-    # Moving away from the target, or too fast to stop before it: first halt, then come back from rest.
+    # Moving away from the target, or too fast to stop before it: first stop, then return.
     if velocity < 0 or (velocity > 0 and distance <= velocity * (halt.duration_ms - 1)):
         return [halt, *_ramps_to(distance - halt.distance, 0, limits)]
     return _approach(distance, velocity, limits) if distance else []
 
 
 def _approach(distance: int, velocity: int, limits: Limits) -> list[Ramp]:
-    """Return the ramps to a target ahead that is far enough to stop there."""
+    """Return the ramps to a target ahead, far enough to stop there."""
     peak = _peak(distance, velocity, limits)
     if peak == 0:  # no room for a ramp to a peak: brake at once, or creep
         return [_brake(velocity, distance, limits) if velocity else _creep(distance, limits)]
     change = _ramp_to_peak(velocity, peak, limits)
     left = distance - change.distance
-    cruise_ms = (left - _way_to_brake(peak, limits)) // (2 * peak)
+    cruise_ms = (left - _braking_distance(peak, limits)) // (2 * peak)
     cruise = Ramp(peak, peak, cruise_ms if cruise_ms >= GRAIN_MS else 0)
     return [change, cruise, _brake(peak, left - cruise.distance, limits)]
 
 
 def _ramps_through(distance: int, velocity: int, limits: Limits, passing: Passing) -> list[Ramp] | None:
-    """Return the ramps through a target at a distance in 1/128 unit to rest at the next; None if it must stop there."""
+    """Return the ramps through a target, at a distance in 1/128 unit, to a stop at the next; None if impossible."""
     if passing.onward_units < 0:
         mirrored = _ramps_through(-distance, -velocity, limits, passing._replace(onward_units=-passing.onward_units))
         return None if mirrored is None else [ramp.mirrored() for ramp in mirrored]
     halt = _ramp(velocity, 0, limits.deceleration, limits.jerk)
-    if velocity < 0:  # moving away from both targets: first halt, then come back from rest
+    if velocity < 0:  # moving away from both targets: first stop, then return
         ramps = _ramps_through(distance - halt.distance, 0, limits, passing)
         return None if ramps is None else [halt, *ramps]
-    if distance <= velocity * max(halt.duration_ms - 1, 0):  # behind the axis, or too near to stop there
+    if distance <= velocity * max(halt.duration_ms - 1, 0):  # behind the axis, or too close to stop there
         return None
     onward = passing.onward_units << PER_UNIT_BITS
 
     def has_room(at: int) -> bool:
         # Within the limits before the target, too: a halt just before it must end before the next one.
-        stops = max(_way_to_brake(at, passing.limits), _way_to_brake(at, limits)) <= onward
+        stops = max(_braking_distance(at, passing.limits), _braking_distance(at, limits)) <= onward
         return stops and _reach_passing(velocity, at, at, limits) <= distance
 
     at = _highest(0, min(passing.velocity, limits.velocity), has_room)
@@ -252,16 +252,16 @@ def _ramps_through(distance: int, velocity: int, limits: Limits, passing: Passin
 
 
 def _reach_passing(velocity: int, peak: int, at: int, limits: Limits) -> int:
-    """Return the distance of the ramps to a peak and on to a velocity, and of the shortest cruise between them."""
+    """Return the distance of the ramps to a peak and from it to a velocity, with the shortest cruise between them."""
     ramps = _ramp_to_peak(velocity, peak, limits).distance + _ramp_to_peak(peak, at, limits).distance
     return ramps + 2 * peak * _shortest_cruise_ms(peak, limits)
 
 
 def _shortest_cruise_ms(velocity: int, limits: Limits) -> int:
-    """Return how long a cruise takes in which a millisecond's way can be given back within the limits.
+    """Return the shortest cruise in which the travel of one millisecond can be subtracted within the limits.
 
-    Its acceleration is then 6 D / T^2 at most. It begins at once: with a jerk limit, it is no more than that limit
-    allows in a segment.
+    The subtraction needs an acceleration of at most 6 D / T^2, which begins at once. With a jerk limit, it must not
+    exceed what the jerk allows within one segment.
     """
     rate = min(limits.acceleration, limits.deceleration)
     if limits.jerk:
@@ -270,7 +270,7 @@ def _shortest_cruise_ms(velocity: int, limits: Limits) -> int:
 
 
 def _peak(distance: int, velocity: int, limits: Limits) -> int:
-    """Return the highest velocity that lets the axis still stop at the distance; 0 if none."""
+    """Return the highest velocity from which the axis can stop within the distance; 0 if there is none."""
     low = limits.velocity if velocity > limits.velocity else max(velocity, 1)
     if _reach(velocity, low, limits) > distance:
         return 0
@@ -278,7 +278,7 @@ def _peak(distance: int, velocity: int, limits: Limits) -> int:
 
 
 def _highest(low: int, high: int, fits: Callable[[int], bool]) -> int:
-    """Return the highest velocity between two that fits, by bisection; `low` is known to fit."""
+    """Return the highest velocity for which `fits` is true, by bisection; it must be true for `low`."""
     high += 1
     while high - low > 1:
         middle = (low + high) // 2
@@ -290,8 +290,8 @@ def _highest(low: int, high: int, fits: Callable[[int], bool]) -> int:
 
 
 def _reach(velocity: int, peak: int, limits: Limits) -> int:
-    """Return the distance of the ramp to a peak and of braking from it."""
-    return _ramp_to_peak(velocity, peak, limits).distance + _way_to_brake(peak, limits)
+    """Return the distance of the ramp to a peak and of the stop from it."""
+    return _ramp_to_peak(velocity, peak, limits).distance + _braking_distance(peak, limits)
 
 
 def _ramp_to_peak(velocity: int, peak: int, limits: Limits) -> Ramp:
@@ -299,14 +299,14 @@ def _ramp_to_peak(velocity: int, peak: int, limits: Limits) -> Ramp:
     return _ramp(velocity, peak, rate, limits.jerk)
 
 
-def _way_to_brake(velocity: int, limits: Limits) -> int:
+def _braking_distance(velocity: int, limits: Limits) -> int:
     return velocity * (_ramp(velocity, 0, limits.deceleration, limits.jerk).duration_ms + _SLACK_MS)
 
 
 def _brake(velocity: int, distance: int, limits: Limits) -> Ramp:
-    """Return the ramp to rest at an exact distance: brake longer, then subtract the excess distance.
+    """Return the stop ramp with an exact distance: brake longer, then subtract the excess distance.
 
-    The distance is at least that of the shortest ramp, less a millisecond's worth.
+    The distance may be shorter than that of the shortest ramp by the travel of one millisecond.
     """
     shortest = _ramp(velocity, 0, limits.deceleration, limits.jerk)
     duration_ms = max(shortest.duration_ms, -(-distance // velocity))
@@ -314,16 +314,16 @@ def _brake(velocity: int, distance: int, limits: Limits) -> Ramp:
 
 
 def _creep(distance: int, limits: Limits) -> Ramp:
-    """Return a ramp from rest to rest over a very short distance: a smoothstep alone, with acceleration 6 D / T^2."""
+    """Return the ramp over a very short distance from standstill: only a smoothstep, with acceleration 6 D / T^2."""
     rate = min(limits.acceleration, limits.deceleration)
     shortest_ms = _root_up(-(-6 * distance * 1_000_000 // (rate << PER_UNIT_BITS)))
     return Ramp(0, 0, max(2 * GRAIN_MS, shortest_ms), surplus=distance)
 
 
 def _ramp(from_velocity: int, to_velocity: int, acceleration: int, jerk: int) -> Ramp:
-    """Return the shortest ramp, of whole milliseconds and at least GRAIN_MS, that keeps acceleration and jerk.
+    """Return the shortest ramp of whole milliseconds, at least GRAIN_MS, that keeps acceleration and jerk.
 
-    With T ms of duration and J ms of blend the acceleration is |dv| / (T - J), and the jerk is that divided by J.
+    With a duration of T ms and a blend of J ms, the acceleration is |dv| / (T - J), and the jerk is that divided by J.
     """
     change = abs(to_velocity - from_velocity)
     if change == 0:
@@ -339,12 +339,12 @@ def _ramp(from_velocity: int, to_velocity: int, acceleration: int, jerk: int) ->
 
 
 def _blend_ms(acceleration: int, jerk: int) -> int:
-    """Return how long the acceleration takes to rise to its limit."""
+    """Return the time in which the acceleration rises to its limit."""
     return max(GRAIN_MS, -(-acceleration * 1000 // jerk))
 
 
 def _root_up(square: int) -> int:
-    """Return the square root of a positive integer, rounded up; by Newton's method from above."""
+    """Return the square root of a positive integer, rounded up, by Newton's method from above."""
     root = 1 << ((square.bit_length() + 1) // 2)
     while (better := (root + square // root) >> 1) < root:
         root = better

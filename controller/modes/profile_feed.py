@@ -1,7 +1,7 @@
-"""Keep an axis' segment queue filled, a little ahead of time, with the segments of a profile.
+"""Keep an axis' segment queue filled with the next segments of a profile.
 
-The queue is kept short: a new profile drops it and begins when the segment in execution ends. Another motion, such as a
-stop ramp of the drive, takes the axis from the feed by `abandon`; the next profile then waits for standstill.
+The queue is short: a new profile drops it and begins at the end of the present segment. Before another motion, such as
+a stop ramp, the drive calls `abandon`; the next profile then waits for standstill.
 """
 
 from collections import deque
@@ -20,16 +20,16 @@ from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 AHEAD_MS = 48
-"""Motion that waits behind the segment in execution, at least."""
+"""Least duration of motion in the queue behind the present segment."""
 PERIOD_US = 16_000
-"""Time between two fillings; AHEAD_MS is three times as long."""
+"""Period in which the queue is filled; AHEAD_MS is three times as long."""
 
 _VELOCITY_MARGIN = 3 * VELOCITY_PER_UNIT_PER_MS // GRAIN_MS + 8
-"""Most that rounding to units adds to a velocity: profiles stay this far below the limit, which the kernel enforces."""
+"""Bound of the velocity that rounding to units adds: profiles stay below the kernel's limit by this margin."""
 
 
 class _Piece(NamedTuple):
-    """A queued segment: what the feed must know of it until it has been executed."""
+    """Data of a queued segment, kept until it has been executed."""
 
     duration_ms: int
     start_velocity: int
@@ -38,7 +38,7 @@ class _Piece(NamedTuple):
 
 
 class ProfileFeed:
-    """Turns one axis' profiles into queued segments; the modes that move by profiles share it."""
+    """Queues the segments of one axis' profiles; shared by the modes that use profiles."""
 
     def __init__(self, context: AxisContext, records: Interpolation) -> None:
         self._context = context
@@ -47,9 +47,9 @@ class ProfileFeed:
         self._records = records
         self._profile = Profile([])
         self._end_units = 0
-        """Where the profile comes to rest."""
+        """End position of the profile."""
         self._pieces: deque[_Piece] = deque()
-        """The segment in execution, if any, then those that wait behind it."""
+        """Present segment, if any, then the waiting ones."""
         self.active: bool = False
         """True while the axis moves by a profile."""
         self.due_us: int | None = None
@@ -57,12 +57,12 @@ class ProfileFeed:
 
     @property
     def free(self) -> bool:
-        """True if a profile may begin: the axis stands, or moves by a profile."""
+        """True if a profile may begin: the axis is at standstill, or moves by a profile."""
         return self.active or not self._motion.running
 
     @property
     def steady_velocity(self) -> int | None:
-        """Demanded velocity in 1/64 unit per ms while it is constant; None while it changes."""
+        """Demanded velocity in 1/64 unit per ms if it is constant; None while it changes."""
         if not self._motion.running:
             return 0
         waiting = self._motion.queued
@@ -72,7 +72,7 @@ class ProfileFeed:
         return piece.end_velocity if piece.start_velocity == piece.end_velocity else None
 
     def take_over(self) -> int:
-        """Drop all segments that wait, PVT records as well; return where the running one ends and a profile begins."""
+        """Drop all waiting segments, PVT records included; return where the running one ends and a profile begins."""
         self._records.close()
         self._forget_done()
         while len(self._pieces) > int(self._motion.running):
@@ -81,9 +81,9 @@ class ProfileFeed:
         return self._motion.tail_units
 
     def limits(self, velocity: int) -> Limits | None:
-        """Return the limits that the objects set now, for a speed in 1/64 unit per ms.
+        """Return the limits from the present objects, for a speed in 1/64 unit per ms.
 
-        None if the axis is too slow for profiles: less than the rounding margin remains of its velocity limit.
+        Return None if the velocity limit is not above the rounding margin: the axis is then too slow for profiles.
         """
         get = self._dictionary.get
         fastest = self._fastest(self._motion.config.rate_limit_q16_per_ms)
@@ -97,18 +97,18 @@ class ProfileFeed:
         )
 
     def _fastest(self, rate_q16_per_ms: int) -> int:
-        """Return the velocity in 1/64 unit per ms that profiles may have within a step rate; below 1: none."""
+        """Return the highest velocity of profiles within a step rate, in 1/64 unit per ms; below 1 if there is none."""
         units_q16 = UNITS_PER_FULL_STEP * rate_q16_per_ms // self._motion.config.microsteps
         return units_q16 * VELOCITY_PER_UNIT_PER_MS // STEP_Q16 - _VELOCITY_MARGIN
 
     def move_to(self, target_units: int, limits: Limits) -> None:
-        """Move to rest at a target, from where the running segment ends; the speed limit may be lower by now."""
+        """Move to a target and stop there, from the end of the running segment; apply the present speed limit."""
         limits = self._within_speed(limits)
         distance = target_units - self.take_over()
         self._begin(move(distance, self._motion.tail_velocity, self._acceleration, limits))
 
     def move_through(self, target_units: int, limits: Limits, passing: Passing) -> bool:
-        """Move through a target to rest at the next one; change nothing and return False if it must stop there."""
+        """Move through a target and stop at the next one; return False, with no change, if that is impossible."""
         from_units, velocity = self._motion.running_end
         self._forget_done()
         acceleration = self._pieces[-1 - self._motion.queued].end_acceleration if self._motion.running else 0
@@ -125,12 +125,12 @@ class ProfileFeed:
         return limits._replace(velocity=min(limits.velocity, fastest))
 
     def halt(self, limits: Limits) -> None:
-        """Come to rest by the halt option code (605Dh): with the limits' own deceleration or that of a quick stop."""
+        """Stop as the halt option code (605Dh) selects: with the deceleration of `limits` or of a quick stop."""
         quick = HALTS[self._dictionary.get(od.HALT_OPTION)] is StopKind.QUICK_STOP
         self.stop(limits._replace(deceleration=self._dictionary.get(od.QUICK_STOP_DECELERATION)) if quick else limits)
 
     def stop(self, limits: Limits) -> None:
-        """Come to rest as soon as the limits allow."""
+        """Stop as soon as the limits allow."""
         from_units = self.take_over()
         end_units = self._end_units - from_units if self.active else None
         self._begin(stop(self._motion.tail_velocity, self._acceleration, limits, end_units))
@@ -140,16 +140,16 @@ class ProfileFeed:
         return self._pieces[-1].end_acceleration if self._pieces else 0
 
     def _forget_done(self) -> None:
-        """Forget the segments that have been executed."""
+        """Remove the executed segments from `_pieces`."""
         kept = self._motion.queued + int(self._motion.running)
         while len(self._pieces) > kept:
             self._pieces.popleft()
 
     def _begin(self, profile: Profile) -> None:
         self._profile = profile
-        self._end_units = self._motion.tail_units + profile.way_units
+        self._end_units = self._motion.tail_units + profile.travel_units
         self.fill()
-        if self._profile is not profile:  # a segment was refused, and the drive has taken the axis away
+        if self._profile is not profile:  # a segment was refused, and the drive has abandoned the profile
             return
         if self._motion.queued and not self._motion.running:
             self._motion.start()
@@ -158,12 +158,12 @@ class ProfileFeed:
             self.due_us = None
 
     def poll(self, now_us: int) -> None:
-        """Queue more segments if it is due."""
+        """Queue more segments if that is due."""
         if self.due_us is not None and self.due_us <= now_us:
             self.fill()
 
     def fill(self) -> None:
-        """Queue segments until enough motion waits."""
+        """Queue segments until AHEAD_MS of motion waits."""
         self._forget_done()
         self.due_us = self._context.now_us + PERIOD_US
         waiting_ms = sum(piece.duration_ms for piece in self._pieces) - PERIOD_US // 1000
@@ -182,14 +182,14 @@ class ProfileFeed:
         return True
 
     def finished(self) -> bool:
-        """Handle the end of all segments; return False if a new profile was queued in that very tick and goes on."""
+        """Handle the end of all segments; return False if a new profile was queued in the same tick and continues."""
         if self.active and self._motion.start():
             return False
         self.abandon()
         return True
 
     def abandon(self) -> None:
-        """Drop the profile: the axis stands, or the drive moves it otherwise."""
+        """Drop the profile: the axis is at standstill, or the drive makes another motion."""
         self._profile = Profile([])
         self._pieces.clear()
         self.active = False

@@ -1,30 +1,32 @@
-"""Profile position mode (CiA 402-2, "profile position mode"): set-points by handshake, from rest or on the fly.
+"""Profile position mode (CiA 402-2, "profile position mode"): set-points by handshake, from standstill or in motion.
 
-A rising bit 4 of the controlword gives a set-point: the target position (607Ah), with the profile objects as they are
-then. Bit 12 of the statusword acknowledges it and falls with bit 4. One further set-point may wait; while it does, bit
-12 stays until that set-point begins. Without bit 5 a new set-point waits until the present one is reached; with bit 5
-it replaces the present and the waiting one at once. With bit 6 the target is relative; what to, and in which direction
-an axis that turns without end moves, is the positioning option code (60F2h).
+A rising bit 4 of the controlword gives a set-point: the target position (607Ah), with the present profile objects. Bit
+12 of the statusword acknowledges it and falls with bit 4. One further set-point may wait; bit 12 then stays until it
+begins. Without bit 5 a new set-point waits until the present one is reached. With bit 5 it replaces the present and the
+waiting one at once. With bit 6 the target is relative. The positioning option code (60F2h) selects the base of a
+relative target, and the direction in which an endless rotary axis turns.
 
-The axis stops at each target, with two exceptions for a present target behind which a set-point waits in the direction
-of motion. With bit 9 of the controlword that gave the waiting set-point, the axis passes the present target at its
-profile velocity (6081h). Without it, the axis passes at the end velocity (6082h) that the present set-point was given
-with, unless that is 0. In both it passes as fast as the velocity limits and both ways allow: it must still be able to
-stop at the waiting set-point's target. Without one that waits it stops at the target, whatever the end velocity: it
-must not run away. Bit 12 falls, and the waiting set-point becomes the present one, as the axis passes.
+The axis stops at each target. There are two exceptions, both for a waiting set-point in the direction of motion:
 
-A target beyond the soft limits (607Dh) or the i32 range is moved to the limit; bit 11 says so until the next set-point
-begins. Halt (bit 8) ramps to rest by the halt option code (605Dh), with the profile deceleration or that of a quick
-stop; when the bit falls, the motion to the target goes on.
+- Bit 9 was set in the controlword of the waiting set-point: the axis passes the present target at its profile velocity
+  (6081h).
+- The present set-point has an end velocity (6082h) other than 0: the axis passes the present target at this velocity.
 
-Bits 1 and 0 of the positioning option code say what a relative target counts from: 0 the last target, or the position
-demand if there has been none since the axis was stopped or enabled; 1 the position demand (6062h); 2 the position
-actual value (6064h). Both are read as the set-point is given. Bits 7 and 6 say how an absolute target of an axis that
-turns without end is reached: 0 as on a straight axis, 1 in negative direction only, 2 in positive direction only, 3 by
-the shortest way, which is the positive one for half a turn. A turn goes from the least to the greatest position of the
-position range limit (607Bh), both included. While that is the whole i32 range, as after power-up, there are no turns,
-and the direction has no effect. Relative targets are not changed. The drive counts on from turn to turn: the position
-demand and the position actual value are not wrapped.
+In both the axis passes only as fast as the velocity limits and both distances allow: it must be able to stop at the
+waiting target. Without a waiting set-point the axis stops at the target even if the end velocity is not 0, because it
+must not run away. When the axis passes, bit 12 falls, and the waiting set-point becomes the present one.
+
+A target beyond the soft limits (607Dh) or the i32 range is moved to the limit; bit 11 shows this until the next
+set-point begins. Halt (bit 8) stops the axis as the halt option code (605Dh) selects, with the profile or the quick
+stop deceleration. When the bit falls, the motion to the target continues.
+
+Bits 1 and 0 of the positioning option code select the base of a relative target: 0 is the last target, or the position
+demand if there is none since the axis was stopped or enabled; 1 the position demand (6062h); 2 the position actual
+value (6064h). They are read together with the set-point. Bits 7 and 6 select how an endless rotary axis reaches an
+absolute target: 0 as on a linear axis, 1 in negative direction only, 2 in positive direction only, 3 by the shortest
+travel (positive for half a turn). The position range limit (607Bh), both ends included, defines one turn. By default it
+is the whole i32 range; then there are no turns, and the direction has no effect. It never affects relative targets. The
+position demand and the position actual value are not wrapped at a turn.
 """
 
 from enum import IntEnum
@@ -63,8 +65,8 @@ _DIRECTION_SHIFT: Final = 6
 _TWO_BITS: Final = 3
 
 
-def way_units(from_units: int, target_units: int, turn_units: int, direction: TurnDirection) -> int:
-    """Return the way to a target on an axis that turns without end, in units; `turn_units` is a whole turn."""
+def travel_units(from_units: int, target_units: int, turn_units: int, direction: TurnDirection) -> int:
+    """Return the travel to a target on an endless rotary axis; `turn_units` is one turn."""
     ahead_units = (target_units - from_units) % turn_units
     behind_units = ahead_units - turn_units if ahead_units else 0
     if direction is TurnDirection.STRAIGHT:
@@ -77,7 +79,7 @@ def way_units(from_units: int, target_units: int, turn_units: int, direction: Tu
 
 
 class Positioning:
-    """Turns the target position of one axis into the position to move to."""
+    """Computes the position to which one axis moves from its target position."""
 
     def __init__(self, context: AxisContext) -> None:
         self._motion = context.motion
@@ -97,7 +99,7 @@ class Positioning:
     def target_units(self, *, relative: bool, last_target_units: int | None, from_units: int) -> int:
         """Return the position that the target position (607Ah) means.
 
-        `from_units` is where the motion to it will begin: the target before it, or the position demand.
+        `from_units` is the start of the motion to it: the previous target, or the position demand.
         """
         wanted_units, option = self._dictionary.get(od.TARGET_POSITION), self._dictionary.get(od.POSITIONING_OPTION)
         if relative:
@@ -105,7 +107,7 @@ class Positioning:
         low, high = self._dictionary.get(od.POSITION_RANGE_MIN), self._dictionary.get(od.POSITION_RANGE_MAX)
         if (low, high) == (DataType.INTEGER32.low, DataType.INTEGER32.high):
             return wanted_units
-        return from_units + way_units(
+        return from_units + travel_units(
             from_units, wanted_units, high - low + 1, TurnDirection(option >> _DIRECTION_SHIFT)
         )
 
@@ -118,7 +120,7 @@ class Positioning:
 
 
 _PASSING_LOOK_US = 1_000
-"""Time between two looks at whether a target has been passed."""
+"""Period of the check whether a target has been passed."""
 
 
 class _SetPoint(NamedTuple):
@@ -128,10 +130,10 @@ class _SetPoint(NamedTuple):
     end_velocity: int
     """Speed at the target if another set-point waits, in 1/64 unit per ms."""
     on_set_point: bool
-    """True if the target before it is to be passed at profile velocity."""
+    """True if the axis must pass the previous target at profile velocity."""
 
     def passing(self, following: "_SetPoint") -> Passing | None:
-        """Return how this set-point's target is to be passed; None if the axis is to stop there."""
+        """Return how the axis must pass this set-point's target; None if it must stop there."""
         if self.limits is None or following.limits is None:
             return None
         velocity = self.limits.velocity if following.on_set_point else self.end_velocity
@@ -139,7 +141,7 @@ class _SetPoint(NamedTuple):
 
 
 class ProfilePosition(DriveMode):
-    """Takes set-points by handshake; the feed makes the motion."""
+    """Accepts set-points by handshake; the feed makes the motion."""
 
     def __init__(self, context: AxisContext, feed: ProfileFeed) -> None:
         super().__init__(context)
@@ -147,26 +149,26 @@ class ProfilePosition(DriveMode):
         self._positioning = Positioning(context)
         self._feed = feed
         self._active: _SetPoint | None = None
-        """The set-point in progress; a halt does not end it."""
+        """Present set-point; a halt does not end it."""
         self._next: _SetPoint | None = None
-        """The set-point that waits for its turn."""
+        """Waiting set-point."""
         self._passing = 0
-        """Direction of the axis where it will pass the active set-point's target, 1 or -1; 0 if it will stop there."""
+        """Direction in which the axis will pass the active target, 1 or -1; 0 if it will stop there."""
         self._passing_look_us: int | None = None
         self._last_target_units: int | None = None
         self._at_limit = False
         self._acknowledged = False
         self._halted = False
         self._settled_us: int | None = None
-        """Time until which the axis must stand at its target before bit 10 says so; None once it has."""
+        """Instant at which bit 10 rises if the axis stays in the position window; None once it has risen."""
 
     @property
     def due_us(self) -> int | None:
-        """Time when the axis will have stood at its target for the position window time (6068h), or may pass one."""
+        """End of the position window time (6068h), or time of the next check whether a target has been passed."""
         return self._settled_us if self._passing_look_us is None else self._passing_look_us
 
     def poll(self, now_us: int) -> None:
-        """End the wait when the position window time is over; note that a target has been passed."""
+        """End the position window time if it is over; check whether a target has been passed."""
         if self._settled_us is not None and self._settled_us <= now_us:
             self._settled_us = None
         if self._passing_look_us is not None and self._passing_look_us <= now_us:
@@ -183,7 +185,7 @@ class ProfilePosition(DriveMode):
     def _take(self, controlword: int) -> None:
         at_once = bool(controlword & Control.CHANGE_AT_ONCE)
         if self._next and not at_once:
-            return  # not acknowledged: the host must wait until bit 12 falls
+            return  # no acknowledgement: the host must wait until bit 12 falls
         waits = self._active is not None and not at_once
         set_point = self._set_point(controlword, waits=waits)
         self._acknowledged = True
@@ -218,7 +220,7 @@ class ProfilePosition(DriveMode):
             self._go()
 
     def _go(self) -> None:
-        """Move to the active set-point. While a ramp of the drive moves the axis, wait: `finished` calls again."""
+        """Move to the active set-point. If a ramp of the drive moves the axis, wait for `finished`."""
         self._note_passed()
         if self._active is None or not self._feed.free or self._go_through():
             return
@@ -228,12 +230,12 @@ class ProfilePosition(DriveMode):
             self._reached()
 
     def _go_through(self) -> bool:
-        """Move through the active set-point's target to the one that waits; return False if it is not to be passed."""
+        """Move through the active target to the waiting one; return False if the axis must stop at the active one."""
         self._stop_passing()
         passing = self._active.passing(self._next) if self._active and self._next else None
         if passing is None or self._active is None or self._active.limits is None:
             return False
-        self._passing = 1 if passing.onward_units > 0 else -1  # before the feed: a fault in it forgets all
+        self._passing = 1 if passing.onward_units > 0 else -1  # before the feed: a fault there resets this
         self._passing_look_us = self._context.now_us + _PASSING_LOOK_US
         if self._feed.move_through(self._active.target_units, self._active.limits, passing):
             return True
@@ -244,7 +246,7 @@ class ProfilePosition(DriveMode):
         self._passing, self._passing_look_us = 0, None
 
     def _note_passed(self) -> None:
-        """Make the waiting set-point the active one if the axis has passed the target before it."""
+        """Make the waiting set-point the active one if the axis has passed the active target."""
         if self._passing_look_us is None or self._active is None:
             return
         self._passing_look_us = self._context.now_us + _PASSING_LOOK_US
@@ -260,7 +262,7 @@ class ProfilePosition(DriveMode):
         return bool(self._dictionary.get(od.CONTROLWORD) & Control.START)
 
     def _reached(self) -> None:
-        """End the active set-point and begin the next one, if it waits."""
+        """End the active set-point and begin a waiting one."""
         self._active = None
         self._settled_us = self._context.now_us + 1000 * self._dictionary.get(od.POSITION_WINDOW_TIME_MS)
         set_point, self._next = self._next, None
@@ -278,7 +280,7 @@ class ProfilePosition(DriveMode):
             self._feed.halt(self._active.limits)
 
     def finished(self) -> None:
-        """Handle standstill: at the target, at the end of a halt, or after a ramp that this mode did not make."""
+        """Handle standstill: at the target, in a halt, or after a ramp of the drive."""
         was_moving = self._feed.active
         self._note_passed()
         if not self._feed.finished():
@@ -292,7 +294,7 @@ class ProfilePosition(DriveMode):
             self._go()
 
     def interrupted(self) -> None:
-        """Forget all set-points: the drive stops or leaves OPERATION ENABLED."""
+        """Forget all set-points, because the drive stops or leaves OPERATION ENABLED."""
         self._feed.abandon()
         self._stop_passing()
         self._active = self._next = None
@@ -300,9 +302,9 @@ class ProfilePosition(DriveMode):
         self._at_limit = self._acknowledged = self._halted = False
 
     def target_reached(self) -> bool:
-        """Return bit 10: all set-points have been reached; during a halt, the axis stands."""
-        standing = not self._motion.running
-        return standing and (self._halted or (self._active is None and self._in_window()))
+        """Return bit 10: all set-points have been reached; in a halt, the axis is at standstill."""
+        at_standstill = not self._motion.running
+        return at_standstill and (self._halted or (self._active is None and self._in_window()))
 
     def _in_window(self) -> bool:
         """Return whether the axis has been within the position window (6067h) for the position window time (6068h)."""

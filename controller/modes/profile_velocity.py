@@ -1,9 +1,9 @@
 """Profile velocity mode (CiA 402-2, "profile velocity mode"): follow the target velocity (60FFh) by ramps.
 
-The ramps keep the profile acceleration (6083h) and deceleration (6084h). The mode moves to the end of the allowed range
-at the target velocity: so the axis stops at a soft limit (607Dh), or at the end of the i32 range, as it would at a
-target position. Bit 11 of the statusword then says why it stands. A new target velocity or controlword takes the
-profile objects as they are at that moment.
+The ramps keep the profile acceleration (6083h) and deceleration (6084h). The mode moves towards the end of the allowed
+range at the target velocity, so the axis stops at a soft limit (607Dh) or the end of the i32 range as at a target
+position. Bit 11 of the statusword then shows the reason. A new target velocity or controlword uses the present profile
+objects.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,7 @@ class ProfileVelocity(DriveMode):
     """Follows the target velocity; the feed makes the motion."""
 
     def __init__(self, context: AxisContext, feed: ProfileFeed, note: Callable[[int], None]) -> None:
-        """Begin; `note` is told each target velocity, which may be a cyclic set-point."""
+        """Begin; call `note` with each target velocity, because it may be a cyclic set-point."""
         super().__init__(context)
         self._note = note
         self._limits = context.limits
@@ -30,11 +30,11 @@ class ProfileVelocity(DriveMode):
         self._halted = False
         self._wanted_units_per_s = 0
         self._velocity = 0
-        """Velocity being followed, in 1/64 unit per ms: the wanted one, reduced to the axis' limit."""
+        """Velocity that the axis follows, in 1/64 unit per ms: the target, reduced to the axis' limit."""
         context.dictionary.bind(self)
 
     def control(self, controlword: int, _previous: int) -> None:
-        """Obey the halt bit; follow the target velocity as soon as the drive is enabled in this mode."""
+        """Obey the halt bit; follow the target velocity once the drive is enabled in this mode."""
         halted = bool(controlword & Control.HALT)
         if self._enabled and halted is self._halted:
             return
@@ -65,30 +65,30 @@ class ProfileVelocity(DriveMode):
             (self._feed.halt if self._halted else self._feed.stop)(limits)
 
     def finished(self) -> None:
-        """Handle standstill: follow the target velocity after a ramp that this mode did not make."""
+        """Handle standstill: after a ramp of the drive, follow the target velocity."""
         was_moving = self._feed.active
         if self._feed.finished() and not was_moving:
             self._follow(self._dictionary.get(od.TARGET_VELOCITY))
 
     def void_target(self) -> None:
-        """Forget the target velocity, so that a host which enables the drive later does not set it moving unawares."""
+        """Reset the target velocity, so that an axis that is enabled later does not move by itself."""
         self._dictionary.set(od.TARGET_VELOCITY, 0)
         self._wanted_units_per_s = 0
 
     def interrupted(self) -> None:
-        """Abandon the motion and its target: the drive stops, leaves OPERATION ENABLED or changes to another mode."""
+        """Abandon motion and target, because the drive stops, leaves OPERATION ENABLED or changes the mode."""
         self._feed.abandon()
         self._enabled = self._halted = False
         self._velocity = 0
         self.void_target()
 
     def target_reached(self) -> bool:
-        """Return bit 10: the axis has the target velocity, within its limits; during a halt, it stands."""
+        """Return bit 10: the axis has the target velocity, within its limits; in a halt, it is at standstill."""
         return self._feed.steady_velocity == self._velocity
 
     @property
     def _at_limit(self) -> bool:
-        """True if a limit reduces the wanted velocity: the axis' velocity limit, or the end of the allowed range."""
+        """True if the velocity limit or the end of the allowed range reduces the target velocity."""
         if self._halted or not self._enabled:
             return False
         wanted = abs(self._wanted_units_per_s) * VELOCITY_PER_UNIT_PER_MS // 1000

@@ -1,26 +1,26 @@
-"""Ramps, and the profiles that are made of them: handed out as segments of whole milliseconds.
+"""Velocity ramps, and profiles of several ramps, cut into segments of whole milliseconds.
 
-A ramp goes between two whole velocities in whole milliseconds, and is symmetric in time, so it covers (v0 + v1) T / 2
-whatever its shape. Velocities are whole multiples of 1/64 unit per ms, as on the wire; distances are in 1/128 unit, so
-that (v0 + v1) T / 2 is a whole number.
+A ramp connects two velocities in whole milliseconds. It is symmetric in time, so for any shape it covers the distance
+(v0 + v1) T / 2. Velocities are integers in 1/64 unit per ms, as on the wire. Distances are integers in 1/128 unit,
+which makes (v0 + v1) T / 2 an integer.
 """
 
 from collections import deque
 from typing import NamedTuple
 
 GRAIN_MS = 8
-"""Shortest segment: in a shorter one, rounding to units would be a noticeable jerk."""
+"""Shortest segment. In a shorter one, rounding to units would cause a noticeable jerk."""
 PIECE_MS = 16
-"""Longest segment: a new set-point must wait for the segment in execution."""
+"""Longest segment. A new set-point must wait until the present segment ends."""
 
 PER_UNIT_BITS = 7
-"""Distances are planned in 1/128 unit."""
+"""Binary places of distances: 1/128 unit."""
 FRACTION_BITS = 16
-"""Further binary places of distances and velocities within a ramp."""
+"""Additional binary places of distances and velocities within a ramp."""
 
 
 class Segment(NamedTuple):
-    """One cubic for the kernel, and the acceleration at its end, in 2^-16 of 1/64 unit per ms^2."""
+    """One cubic for the kernel; `end_acceleration` is in 2^-16 of 1/64 unit per ms^2."""
 
     displacement_units: int
     end_velocity: int
@@ -29,10 +29,10 @@ class Segment(NamedTuple):
 
 
 class Ramp(NamedTuple):
-    """A change from one velocity to another. The acceleration rises and falls linearly, for `blend_ms` at either end.
+    """A change of velocity; the acceleration rises and falls linearly, for `blend_ms` at each end.
 
-    `surplus` is a further distance in 1/128 unit, covered at the same time along the smoothstep 3 x^2 - 2 x^3. It is
-    negative where the stretched last ramp would go too far.
+    `surplus` is an additional distance in 1/128 unit, covered along the smoothstep 3 x^2 - 2 x^3. It is negative if the
+    stretched last ramp would overshoot.
     """
 
     from_velocity: int
@@ -43,7 +43,7 @@ class Ramp(NamedTuple):
 
     @property
     def distance(self) -> int:
-        """The whole distance covered, in 1/128 unit."""
+        """Distance of the whole ramp, in 1/128 unit."""
         return (self.from_velocity + self.to_velocity) * self.duration_ms + self.surplus
 
     @property
@@ -52,11 +52,11 @@ class Ramp(NamedTuple):
 
     @property
     def _divisor(self) -> int:
-        """The time that the highest acceleration alone would take for the change of velocity."""
+        """Time that the change of velocity would take with the highest acceleration alone."""
         return self.duration_ms - self.blend_ms
 
     def position(self, t_ms: int) -> int:
-        """Return the distance covered after a time, in 2^-16 of 1/128 unit."""
+        """Return the distance after `t_ms`, in 2^-16 of 1/128 unit."""
         left_ms, blend, divisor = self.duration_ms - t_ms, self.blend_ms, self._divisor
         if t_ms < blend:  # the acceleration rises: a cubic in the time since the start
             plain = (2 * self.from_velocity * t_ms << FRACTION_BITS) + (
@@ -75,7 +75,7 @@ class Ramp(NamedTuple):
         return plain + (self.surplus * smooth << FRACTION_BITS) // self.duration_ms**3
 
     def velocity(self, t_ms: int) -> int:
-        """Return the velocity after a time, in 2^-16 of 1/64 unit per ms."""
+        """Return the velocity after `t_ms`, in 2^-16 of 1/64 unit per ms."""
         left_ms, blend, divisor = self.duration_ms - t_ms, self.blend_ms, self._divisor
         change = self._change << FRACTION_BITS
         if t_ms < blend:
@@ -87,7 +87,7 @@ class Ramp(NamedTuple):
         return plain + (self.surplus * 3 * t_ms * left_ms << FRACTION_BITS) // self.duration_ms**3
 
     def acceleration(self, t_ms: int) -> int:
-        """Return the acceleration after a time, in 2^-16 of 1/64 unit per ms^2; 0 for a linear ramp, which may step."""
+        """Return the acceleration after `t_ms`, in 2^-16 of 1/64 unit per ms^2; 0 for a linear ramp."""
         if self.blend_ms == 0:
             return 0
         left_ms = self.duration_ms - t_ms
@@ -97,10 +97,10 @@ class Ramp(NamedTuple):
         return change // self._divisor
 
     def piece_ms(self, t_ms: int) -> int:
-        """Return the duration of the segment that begins after a time, so that no segment spans a bend of acceleration.
+        """Return the duration of the segment that begins after `t_ms`; segments should not span a bend of acceleration.
 
-        There are two exceptions. If the two bends are too near to each other for a segment between them, the segments
-        meet in the middle of the ramp, and each spans a bend. A bend too near for a segment up to it is spanned, too.
+        There are two exceptions. If the two bends are too close for a segment between them, two segments meet in the
+        middle of the ramp, and each spans a bend. If a bend is too close for a segment that ends there, it is spanned.
         """
         between_ms = self.duration_ms - 2 * self.blend_ms
         if self.blend_ms == 0:
@@ -120,14 +120,14 @@ class Ramp(NamedTuple):
 
 
 class EnteredRamp(NamedTuple):
-    """A ramp that the axis enters on the way, at the velocity and the acceleration that it has there."""
+    """A ramp that the axis enters after `skipped_ms`, where velocity and acceleration match its own."""
 
     ramp: Ramp
     skipped_ms: int
 
     @property
-    def way(self) -> int:
-        """How far the rest of the ramp leads, in 1/128 unit."""
+    def remaining(self) -> int:
+        """Distance of the remaining ramp, in 1/128 unit."""
         if not self.ramp.duration_ms:
             return 0
         covered = (self.ramp.distance << FRACTION_BITS) - self.ramp.position(self.skipped_ms)
@@ -135,7 +135,7 @@ class EnteredRamp(NamedTuple):
 
 
 class Profile:
-    """Yields the segments of a sequence of ramps. Positions are rounded, not displacements: roundings do not add up."""
+    """Yields the segments of a sequence of ramps. It rounds positions, not displacements: errors do not add up."""
 
     def __init__(self, ramps: list[Ramp], skipped_ms: int = 0) -> None:
         self._ramps = deque(ramp for ramp in ramps if ramp.duration_ms)
@@ -143,8 +143,8 @@ class Profile:
         self._ramp_start = -self._ramps[0].position(skipped_ms) if self._ramps else 0
         self._units = 0
         whole = sum(ramp.distance for ramp in self._ramps) << FRACTION_BITS
-        self.way_units: int = rounded(self._ramp_start + whole, PER_UNIT_BITS + FRACTION_BITS)
-        """How far the profile leads."""
+        self.travel_units: int = rounded(self._ramp_start + whole, PER_UNIT_BITS + FRACTION_BITS)
+        """Distance of the whole profile."""
 
     def next_segment(self) -> Segment | None:
         """Return the next segment; None at the end."""

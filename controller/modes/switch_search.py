@@ -1,8 +1,8 @@
-"""Find the edge of the home or limit switch that defines an axis' home, from any start.
+"""Find the switch edge that defines home, from any start position.
 
-Every method takes the same way: search for the switch fast, move in front of the edge that counts, cross it slowly. So
-the axis always crosses the edge in the same direction and at the same speed. The step counter is latched in the servo
-tick when the inputs show the edge; then the axis ramps down and stands a little behind it.
+All methods work alike: search for the switch at high speed, move in front of the edge, cross it at low speed. So the
+axis always crosses the edge in the same direction and at the same speed. The step counter is latched in the servo tick
+in which the inputs show the edge. Then the axis ramps down and is at standstill a little behind the edge.
 """
 
 from enum import Enum, auto
@@ -17,13 +17,13 @@ from steptwin.protocol.homing_methods import NEGATIVE, POSITIVE, HomingMethod
 
 
 class Phase(Enum):
-    """The phases of a search."""
+    """Phase of a search."""
 
     START = auto()
     SEARCH = auto()
     """Move fast until the switch closes."""
     LEAVE = auto()
-    """Move fast in the edge's direction, from within the switch until it opens."""
+    """Move fast in the edge's direction, from inside of the switch until it opens."""
     TURN = auto()
     """Brake at a limit switch, before searching in the other direction."""
     BRAKE = auto()
@@ -39,20 +39,20 @@ class Phase(Enum):
 
 
 class SearchEvent(Enum):
-    """The events of a search."""
+    """Event of a search."""
 
     AWAY = auto()
-    """The axis stands and the switch is open; the side of the switch is unknown."""
+    """At standstill the switch is open, and its side is unknown."""
     IN_FRONT = auto()
-    """The axis stands in front of the edge, seen in the direction that the axis must cross it in."""
+    """At standstill the axis is in front of the edge, as seen in the edge's direction."""
     BEHIND = auto()
-    """The axis stands behind the edge."""
+    """At standstill the axis is behind the edge."""
     CROSSED = auto()
-    """The switch has changed to the level that the phase waits for."""
+    """The switch has changed to the level for which the phase waits."""
     LIMIT = auto()
     """The limit switch ahead is closed, and the search may still reverse."""
     DEAD_END = auto()
-    """The axis cannot go on: a limit switch or the end of the i32 range."""
+    """The axis cannot continue, because of a limit switch or the end of the i32 range."""
     WRONG_LIMIT = auto()
     """The limit switch behind the axis has closed: the limit switches may be exchanged."""
     TIMEOUT = auto()
@@ -83,14 +83,14 @@ TRANSITIONS: dict[tuple[Phase, SearchEvent], Phase | HomingError] = {
     **{(phase, SearchEvent.WRONG_LIMIT): HomingError.WRONG_SWITCH for phase in _STROKES},
     **{(phase, SearchEvent.TIMEOUT): HomingError.TIMEOUT for phase in (*_STROKES, Phase.TURN, Phase.BRAKE)},
 }
-"""The phase that follows each event; any other event changes nothing. An error leads to FAILED."""
+"""Phase, or error, after each event. An error means FAILED; other events change nothing."""
 
 _LIMIT_SWITCHES = DigitalInput.NEGATIVE_LIMIT | DigitalInput.POSITIVE_LIMIT
 _LIMIT_AHEAD = {POSITIVE: DigitalInput.POSITIVE_LIMIT, NEGATIVE: DigitalInput.NEGATIVE_LIMIT}
 
 
 class Speeds(NamedTuple):
-    """The limits of fast and slow strokes, and how the axis moves when the switches are passed upwards: 1 or -1."""
+    """Limits of fast and slow strokes; `sign` is -1 if the axis moves down while the switches are passed upwards."""
 
     fast: Limits
     slow: Limits
@@ -98,7 +98,7 @@ class Speeds(NamedTuple):
 
 
 class SwitchSearch:
-    """One search, from standstill to standstill. Its owner reads `phase` after every call."""
+    """One search, from standstill to standstill. The caller reads `phase` after every call."""
 
     def __init__(
         self,
@@ -110,9 +110,9 @@ class SwitchSearch:
     ) -> None:
         self.phase: Phase = Phase.START
         self.error: HomingError = HomingError.NONE
-        """The reason for FAILED."""
+        """Reason of FAILED."""
         self.latched_step: int = 0
-        """The step counter when the edge was seen; valid from LATCHED on."""
+        """Step counter at the edge; valid from LATCHED on."""
         self._motion = context.motion
         self._feed = feed
         self._method = method
@@ -125,12 +125,12 @@ class SwitchSearch:
         }
         self._sign = speeds.sign
         self._direction = method.search_direction
-        """Direction of the stroke in progress or just ended, as the switches are passed."""
+        """Direction of the present or last stroke, in which the switches are passed."""
 
     # --- events
 
     def begin(self) -> None:
-        """Begin, from standstill."""
+        """Begin the search from standstill."""
         self._stopped()
 
     def inputs_changed(self, inputs: DigitalInput) -> None:
@@ -140,19 +140,19 @@ class SwitchSearch:
         if (inputs ^ before) & self._method.switch and self._closed is self._wanted:
             self._happens(SearchEvent.CROSSED)
         elif closed & self._limit_ahead:
-            self._happens(self._end_of_way)
+            self._happens(self._limit_event)
         elif closed & _LIMIT_SWITCHES & ~self._method.switch:
             self._happens(SearchEvent.WRONG_LIMIT)
 
     def finished(self) -> None:
-        """Handle the end of a motion: the axis is at rest."""
+        """Handle the end of a motion: the axis is at standstill."""
         if self.phase in _STROKES:
             self._happens(SearchEvent.DEAD_END)
         else:
             self._stopped()
 
     def time_out(self) -> None:
-        """Fail: the timeout is over."""
+        """Fail, because the search has timed out."""
         self._happens(SearchEvent.TIMEOUT)
 
     def _stopped(self) -> None:
@@ -160,9 +160,9 @@ class SwitchSearch:
 
     @property
     def _place(self) -> SearchEvent:
-        """The event that says where the axis stands.
+        """Event that tells where the axis is at standstill.
 
-        With the switch open, an axis that has just crossed it stands on the side that it was moving to.
+        If the switch is open and the axis has just crossed it, the axis is on the side to which it has moved.
         """
         if self._closed:
             return SearchEvent.BEHIND if self._method.closes else SearchEvent.IN_FRONT
@@ -176,19 +176,19 @@ class SwitchSearch:
 
     @property
     def _wanted(self) -> bool:
-        """True if the stroke in progress waits for the switch to close, False if for it to open."""
+        """True if the present stroke waits until the switch closes, False if until it opens."""
         if self.phase is Phase.SEARCH:
             return True
         return self._method.closes is not (self.phase is Phase.BACK)
 
     @property
     def _limit_ahead(self) -> DigitalInput:
-        """The limit switch that the axis moves towards, unless it is the switch searched for."""
+        """Limit switch towards which the axis moves, unless the method searches for it."""
         return _LIMIT_AHEAD[self._direction] & ~self._method.switch
 
     @property
-    def _end_of_way(self) -> SearchEvent:
-        """The event that the limit switch ahead causes."""
+    def _limit_event(self) -> SearchEvent:
+        """Event that the limit switch ahead causes."""
         may_turn = self._method.turns and self._direction == self._method.search_direction
         return SearchEvent.LIMIT if self.phase is Phase.SEARCH and may_turn else SearchEvent.DEAD_END
 
@@ -209,12 +209,12 @@ class SwitchSearch:
             self._brake(target)
 
     def _move(self, phase: Phase, *, turned: bool) -> None:
-        """Begin a stroke, which lasts until an event, at the latest until the end of the i32 range."""
+        """Begin a stroke, which lasts until an event or the end of the i32 range."""
         direction, limits = self._strokes[phase]
         self.phase = phase
         self._direction = -direction if turned and phase is Phase.SEARCH else direction
         if self._inputs & self._limit_ahead:
-            self._happens(self._end_of_way)
+            self._happens(self._limit_event)
             return
         self._feed.move_to(self._sign * self._direction * I32_MAX, limits)
         if not self._motion.running:

@@ -1,1 +1,1 @@
-"""The motion of a board's axes: the kernel, its storage, and the trajectory time of the group."""
+"""The motion of a board's axes: the kernel, its storage, and the group's trajectory time."""

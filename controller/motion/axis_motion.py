@@ -1,4 +1,4 @@
-"""The motion of one axis: its configuration, place, queue of segments and stops; and what a board's axes share."""
+"""The motion of one axis: configuration, position, segment queue and stops; and the state that all axes share."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,13 +16,13 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND, counts_of_ns
 
 TICKS_PER_SECOND: Final = COUNTS_PER_SECOND // k.TICK_COUNTS
 STOP_MAX_MS = k.QUEUE_DEPTH * k.DURATION_MAX_MS
-"""The longest stop ramp that fits the queue, 16 s: a deceleration that would take longer is exceeded."""
+"""Longest stop ramp that fits into the queue: 16 s. A slower deceleration is raised to this duration."""
 _SEGMENT_END_TERMS: Final = (k.START_Q16, k.COEFFICIENT_A, k.COEFFICIENT_B, k.COEFFICIENT_C)
-"""The position at a segment's end, s = 1, is the sum of these."""
+"""Fields whose sum is the position at a segment's end (s = 1)."""
 EDGE_CAPACITY: Final = 1 << 16
-"""Number of edges of one pin that fit between two drains."""
+"""Storage for edges of one pin between two drains."""
 _SLACK_Q16: Final = 64
-"""More than all roundings of two evaluations of a segment, its parameter's included, add up to."""
+"""Upper bound of all rounding errors in two evaluations of a segment, including its parameter."""
 
 
 class AxisEvent(IntEnum):
@@ -33,7 +33,7 @@ class AxisEvent(IntEnum):
     UNDERRUN = k.EVENT_UNDERRUN
     LATE_STEP = k.EVENT_LATE_STEP
     HALTED = k.EVENT_LATE_STEP + 1
-    """The group's time has stopped, and the axis with it. `BoardMotion` reports this one, not the kernel."""
+    """The group's time has stopped, and so has the axis. `BoardMotion` reports this event, not the kernel."""
 
 
 class Refusal(IntEnum):
@@ -46,12 +46,12 @@ class Refusal(IntEnum):
     TOO_FAST = k.REFUSED_TOO_FAST
     POSITION = k.REFUSED_POSITION
     SOFT_LIMIT = k.REFUSED_POSITION + 1
-    """The segment leaves the soft limits. The caller of `Motion.push` checks this one, not the kernel."""
+    """The segment leaves the soft limits. The caller of `AxisMotion.push` checks this, not the kernel."""
 
 
 @dataclass(frozen=True, slots=True)
 class PinEdges:
-    """One axis' edges since the last drain, as the kernel keeps them: integers in a list or an int64 array.
+    """Edges of one axis since the last drain, in the kernel's storage: a list or an int64 array.
 
     `clk_counts` holds rise, fall, rise, fall ... in timer counts; `direction` holds 2 * counts + level for each edge.
     """
@@ -61,39 +61,39 @@ class PinEdges:
 
 
 class BoardState:
-    """What all axes of a board share: the kernel and its storage, the time, and which axes run."""
+    """State that all axes of a board share: the kernel and its storage, the time, and the running axes."""
 
     def __init__(self, kernel: Kernel, axis_count: int) -> None:
         self.kernel = kernel
         self.axis_count = axis_count
         self.cells: Cells = kernel.cells(axis_count * k.AXIS_FIELDS)
-        """The kernel's fields of all axes."""
+        """Fields of all axes, as the kernel uses them."""
         self.cells_singly: Cells = kernel.singly(self.cells)
         self.queue: Cells = kernel.cells(axis_count * k.QUEUE_DEPTH * k.SEGMENT_FIELDS)
         self.clk: Rows = kernel.rows(axis_count, EDGE_CAPACITY)
         self.direction: Rows = kernel.rows(axis_count, EDGE_CAPACITY)
         self.group: GroupTime = GroupTime(kernel.cells(k.GROUP_FIELDS))
         self.tick = 0
-        """The first servo tick not yet computed."""
+        """First servo tick that is not computed yet."""
         self.running_axes: set[int] = set()
-        """Axes that execute a segment, or have ended one with an event that is not taken yet."""
+        """Axes that execute a segment, or whose last segment ended with an event that is not taken yet."""
         self.starts = 0
-        """Number of times that an axis has been started. While it stays the same, no other axis has begun to run."""
+        """Number of axis starts. While it does not change, no further axis has begun to run."""
         self.events: dict[int, AxisEvent] = {}
-        """Events at the start of `tick`, by axis; a flush or stop before the board's clock gets there cancels them."""
+        """Events at the start of `tick` by axis; a flush or stop before that tick cancels them."""
         self.edges_per_tick: int = 0
-        """Bound of the edges of a pin in a tick: the fastest axis' steps, and one more at either end of the tick."""
+        """Bound of a pin's edges in one tick: the steps of the fastest axis, and one more at each end of the tick."""
 
     def bound_edges(self) -> None:
-        """Find the bound again, after a rate limit has changed."""
+        """Update `edges_per_tick` after a change of a rate limit."""
         limits = self.cells_singly[k.RATE_LIMIT_Q16_PER_MS :: k.AXIS_FIELDS]
         self.edges_per_tick = 2 * ((max(limits) >> 16) // k.TICKS_PER_MS + 2)
 
 
 class AxisMotion:
-    """One axis of a board. It gives the kernel's cells of the axis names and units.
+    """One axis of a board: access to its kernel cells by names and units.
 
-    How a group halts is in `group_time`; `ramp_group` lets it.
+    See `group_time` and `ramp_group` for the halt of a group.
     """
 
     def __init__(self, board: BoardState, axis: int) -> None:
@@ -103,11 +103,11 @@ class AxisMotion:
         self._cells = board.cells_singly
         self._push = board.kernel.push  # called for every record
         self.config: StepConfig = UNCONFIGURED
-        """How the axis makes its steps."""
+        """Present step configuration."""
         self._lowered = False
-        """True while the axis still runs within a higher rate limit than that of its configuration."""
+        """True while the axis still has a higher rate limit than its configuration."""
         self.highest_rate_q16 = k.FULL_RATE_Q16
-        """Highest rate of the group's time at which the records pushed keep the limit of the step rate."""
+        """Highest rate of the group's time at which the pushed records keep the step rate limit."""
         self._set(k.LAST_RISE_COUNTS, k.NEVER_COUNTS)
         self._set(k.MICROSTEPS, UNCONFIGURED.microsteps)
         self._set(k.DURATION_TICKS, 1)
@@ -122,12 +122,14 @@ class AxisMotion:
     # --- configuration and position
 
     def configure(self, config: StepConfig) -> None:
-        """Set how a standing axis makes its steps; its position in units stays."""
+        """Change the step configuration at standstill; the position in units stays."""
         if config.microsteps != self._get(k.MICROSTEPS):
-            self._set_microsteps(config.microsteps)
+            counter_units = self.counter_units
+            self._set(k.MICROSTEPS, config.microsteps)
+            self.preset(counter_units)  # the demand becomes equal to the counter: no step is due
         self.config = config
         steplen_counts = counts_of_ns(config.steplen_ns)
-        # A pulse that is already placed keeps its length: with a shorter one from now on, it rose that much later.
+        # A pulse that is already placed keeps its length. If pulses become shorter now, shift its rise accordingly.
         rise_counts = max(self._get(k.LAST_RISE_COUNTS), self.last_fall_counts - steplen_counts)
         self._set(k.LAST_RISE_COUNTS, rise_counts)
         self._set(k.STEPLEN_COUNTS, steplen_counts)
@@ -138,10 +140,10 @@ class AxisMotion:
         self._set_rate_limit(config.rate_limit_q16_per_ms)
 
     def change_speed_limit(self, config: StepConfig) -> None:
-        """Take a configuration with another speed limit, in motion or not.
+        """Change the speed limit, at standstill or in motion.
 
-        A higher limit holds at once. A lower one holds for new profiles at once; segments are refused by it when all
-        that were planned within the old one have been executed and the axis stands (`settle_speed_limit`).
+        A higher limit is valid at once. A lower limit is valid for new profiles at once. For segments it is valid when
+        all segments of the old limit have been executed and the axis is at standstill (`settle_speed_limit`).
         """
         self.config = config
         if config.rate_limit_q16_per_ms < self.rate_limit_q16_per_ms:
@@ -151,13 +153,13 @@ class AxisMotion:
             self._set_rate_limit(config.rate_limit_q16_per_ms)
 
     def settle_speed_limit(self) -> None:
-        """Refuse segments by a limit that was lowered, if the axis stands and its queue is empty."""
+        """Apply a lowered speed limit to segments, if the axis is at standstill and its queue is empty."""
         if self._lowered and not self.running and not self.queued:
             self._set_rate_limit(self.config.rate_limit_q16_per_ms)
 
     @property
     def rate_limit_q16_per_ms(self) -> int:
-        """Highest step rate of segments: that of the configuration, or a higher one until standstill."""
+        """Highest step rate of segments: the configured one, or a previous higher one until standstill."""
         return self._get(k.RATE_LIMIT_Q16_PER_MS)
 
     def _set_rate_limit(self, limit_q16_per_ms: int) -> None:
@@ -165,21 +167,15 @@ class AxisMotion:
         self._set(k.RATE_LIMIT_Q16_PER_MS, limit_q16_per_ms)
         self._board.bound_edges()
 
-    def _set_microsteps(self, microsteps: int) -> None:
-        """Count the motor's position in other steps. The demand is set to the counter, so that no step is due."""
-        counter_units = self.counter_units
-        self._set(k.MICROSTEPS, microsteps)
-        self.preset(counter_units)
-
     def preset(self, position_units: int) -> None:
-        """Set the position of a standing axis: empty its queue, set its counter to the nearest whole step."""
+        """Set the position at standstill: empty the queue, set the counter to the nearest step."""
         q16 = position_units * self._get(k.MICROSTEPS) << 2
         self._set(k.POSITION_Q16, q16)
         self._set(k.COUNTER, (q16 + k.STEP_Q16 // 2) >> 16)
         self.flush()
 
     def renumber(self, step: int, position_units: int) -> None:
-        """Shift the count of a standing axis, so that `step` becomes the step nearest to a position; make no step."""
+        """Shift the counter at standstill: `step` becomes the step nearest to a position. No step is made."""
         per_unit = self._get(k.MICROSTEPS) << 2
         shift = ((position_units * per_unit + k.STEP_Q16 // 2) >> 16) - step
         self._set(k.COUNTER, self._get(k.COUNTER) + shift)
@@ -188,17 +184,17 @@ class AxisMotion:
 
     @property
     def board_axes(self) -> int:
-        """Number of axes of the board, which share one time when they interpolate."""
+        """Number of axes of the board."""
         return self._board.axis_count
 
     @property
     def running(self) -> bool:
-        """True while a segment is executed, or has ended with an event that is not taken yet."""
+        """True while a segment is executed, or its final event is not taken yet."""
         return self._axis in self._board.running_axes
 
     @property
     def queued(self) -> int:
-        """Number of segments that wait behind the running one."""
+        """Number of segments in the queue behind the running one."""
         count: int = self._cells[self._base + k.QUEUE_COUNT]  # `_get` inlined: read for every record
         return count
 
@@ -214,12 +210,12 @@ class AxisMotion:
 
     @property
     def delayed_steps(self) -> int:
-        """Number of steps since power-up that had to wait for the driver's timing."""
+        """Number of steps since power-up that the driver's timing has delayed."""
         return self._get(k.DELAYED_STEPS)
 
     @property
     def last_fall_counts(self) -> int:
-        """Instant when the last pulse placed so far ends; a time long ago if there has been none."""
+        """End of the last pulse placed so far; a time long ago if there was none."""
         return self._get(k.LAST_RISE_COUNTS) + self._get(k.STEPLEN_COUNTS)
 
     @property
@@ -256,7 +252,7 @@ class AxisMotion:
 
     @property
     def planned_velocity(self) -> int:
-        """Velocity that the segment plans at this point of the path, as if the group ran at full rate."""
+        """Velocity of the segment at this point of the path at full rate, independent of the group's present rate."""
         return self._velocity_at(k.FULL_RATE_Q16)
 
     def _velocity_at(self, rate_q16: int) -> int:
@@ -267,17 +263,17 @@ class AxisMotion:
     # --- segments in
 
     def push(self, displacement_units: int, end_velocity: int, duration_ms: int) -> Refusal:
-        """Queue one segment, in the units of a PVT record; return ACCEPTED or the reason for refusing it."""
+        """Queue one segment in the units of a PVT record; return ACCEPTED or the reason of the refusal."""
         return self.push_ticks(displacement_units, end_velocity, duration_ms * k.TICKS_PER_MS)
 
     def push_ticks(self, displacement_units: int, end_velocity: int, duration_ticks: int) -> Refusal:
-        """Queue one segment whose duration is given in servo ticks."""
+        """Queue one segment with a duration in servo ticks."""
         board = self._board
         answer = self._push(board.cells, board.queue, self._axis, displacement_units, end_velocity, duration_ticks)
         return Refusal(answer) if answer else Refusal.ACCEPTED
 
     def push_record(self, displacement_units: int, end_velocity: int, duration_ticks: int) -> Refusal:
-        """Queue one segment for the group's time; refuse it if it is too fast at the highest rate of that time."""
+        """Queue one segment in the group's time; refuse it if it is too fast at the group's highest rate."""
         if self.highest_rate_q16 == k.FULL_RATE_Q16:
             return self.push_ticks(displacement_units, end_velocity, duration_ticks)
         limit = self._get(k.RATE_LIMIT_Q16_PER_MS)
@@ -287,10 +283,10 @@ class AxisMotion:
         return refusal
 
     def start(self, *, in_group: bool = False) -> bool:
-        """Begin the oldest queued segment in the next tick, in the group's time or not.
+        """Begin the oldest queued segment in the next tick, in real time or in the group's time.
 
-        Return False if none is queued, or if the group's time runs faster than the axis' records allow. The first axis
-        of a group sets the rate wanted to full rate.
+        Return False if the queue is empty, or if the group's time runs faster than the axis' records allow. The first
+        axis of a group sets the requested rate to full rate.
         """
         board = self._board
         if in_group and not board.group.members:
@@ -307,7 +303,7 @@ class AxisMotion:
         return True
 
     def drop_queued(self) -> None:
-        """Drop the segments behind the running one: the next one pushed continues from its end."""
+        """Drop the segments behind the running one; the next pushed one begins at its end."""
         if not self.running:
             self.flush()
             return
@@ -321,37 +317,37 @@ class AxisMotion:
 
     @property
     def running_end(self) -> tuple[int, int]:
-        """Position in units and velocity in 1/64 unit per ms at the end of the running segment; at rest, the demand."""
+        """Position in units and velocity in 1/64 unit per ms at the running segment's end, or at standstill."""
         if not self.running:
             return self.demand_units, 0
         return self._running_end_q16 // (self._get(k.MICROSTEPS) << 2), self._get(k.END_VELOCITY)
 
     def flush(self) -> None:
-        """Drop the running segment and the queue: make no more steps. The next push starts at rest at the demand."""
-        self._rest_tail(0)
+        """Drop the running segment and the queue: no more steps. The next segment begins at the demand, at rest."""
+        self._reset_tail(0)
         for field in (k.RUNNING, k.COEFFICIENT_A, k.COEFFICIENT_B, k.COEFFICIENT_C):
             self._set(field, 0)
         self._board.running_axes.discard(self._axis)
         self._board.group.members.discard(self._axis)
         self._board.events.pop(self._axis, None)
 
-    def _rest_tail(self, velocity: int) -> None:
-        """Empty the queue; let the next push begin at the present demand, to the nearest unit, with this velocity."""
+    def _reset_tail(self, velocity: int) -> None:
+        """Empty the queue; the next segment begins at the present demand, to the nearest unit, with this velocity."""
         self._set(k.QUEUE_COUNT, 0)
         self._set(k.TAIL_Q16, self.demand_units * self._get(k.MICROSTEPS) << 2)
         self._set(k.TAIL_VELOCITY, velocity)
 
     def stop(self, duration_ms: int) -> None:
-        """Replace all segments by a ramp from the present velocity to rest, with constant deceleration.
+        """Replace all segments by a stop ramp with constant deceleration from the present velocity.
 
-        The rate limit is lifted for the ramp, so that it is not refused for its speed. Where it would leave the range
-        of an i32 position, the axis stops dead instead and is not running afterwards.
+        The rate limit does not apply to the ramp. If the ramp would leave the range of i32 positions, the axis stops at
+        once instead.
         """
         self._board.events.pop(self._axis, None)
         velocity = self.velocity
         self._board.group.members.discard(self._axis)
         limit = self._get(k.RATE_LIMIT_Q16_PER_MS)
-        self._rest_tail(velocity)
+        self._reset_tail(velocity)
         self._set(k.RATE_LIMIT_Q16_PER_MS, k.I32_MAX)
         pushed = [self.push(*segment) for segment in stop_segments(velocity, duration_ms)]
         self._set(k.RATE_LIMIT_Q16_PER_MS, limit)
@@ -364,12 +360,12 @@ class AxisMotion:
 
     @property
     def halted(self) -> bool:
-        """True if the axis rests within its segments because its group has halted and the event was taken."""
+        """True if the axis has stopped within its segments by a halt of its group, and the event was taken."""
         board, axis = self._board, self._axis
-        return axis in board.group.members and board.group.resting(board.tick) and axis not in board.events
+        return axis in board.group.members and board.group.stopped(board.tick) and axis not in board.events
 
     def _planned_segments(self) -> Iterator[list[int]]:
-        """Yield a, b, c and the duration in ticks of the running segment and of those queued behind it."""
+        """Yield a, b, c and the duration in ticks of the running segment and of the queued ones."""
         fields = (k.COEFFICIENT_A, k.COEFFICIENT_B, k.COEFFICIENT_C, k.DURATION_TICKS)
         yield [self._get(field) for field in fields]
         fields = (k.SEGMENT_A, k.SEGMENT_B, k.SEGMENT_C, k.SEGMENT_TICKS)
@@ -379,7 +375,7 @@ class AxisMotion:
             yield [int(self._board.queue[entry + field]) for field in fields]
 
     def fastest_units_per_s(self, ahead_ticks: int) -> int:
-        """Bound the planned speed over a time ahead, by the Bernstein coefficients of the segments' velocities."""
+        """Return a bound of the planned speed in the next `ahead_ticks`, by the velocities' Bernstein coefficients."""
         per_unit_q16 = self._get(k.MICROSTEPS) << 2
         left_ticks = ahead_ticks + (self._get(k.ELAPSED_Q16) >> 16)
         fastest = 0
@@ -392,27 +388,27 @@ class AxisMotion:
         return fastest
 
     def quiet_ticks(self, steps: int) -> int:
-        """Return for how many ticks the counter of the running axis certainly moves by less than `steps`.
+        """Return the number of ticks in which the running axis' counter certainly changes by less than `steps`.
 
-        It ends with the running segment at the latest, and a start or stop of the axis (`BoardState.starts`) makes it
-        void. The slope of a cubic stays within its Bernstein coefficients a, a + b and a + 2b + 3c, and a group's time
-        never runs faster than the axis' highest rate.
+        The result does not exceed the end of the running segment. A start or stop of the axis (`BoardState.starts`)
+        invalidates it. It uses two bounds: the slope of a cubic stays within its Bernstein coefficients a, a + b and
+        a + 2b + 3c, and a group's time never runs faster than the axis' highest rate.
         """
         a, b, c = self._get(k.COEFFICIENT_A), self._get(k.COEFFICIENT_B), self._get(k.COEFFICIENT_C)
         duration_ticks = self._get(k.DURATION_TICKS)
         left_ticks = ((duration_ticks << 16) - self._get(k.ELAPSED_Q16)) // self.highest_rate_q16
-        fastest = max(max(abs(a), abs(a + b)), abs(a + 2 * b + 3 * c))  # noqa: PLW3301  (of two each: made in C)
+        fastest = max(max(abs(a), abs(a + b)), abs(a + 2 * b + 3 * c))  # noqa: PLW3301  (max of two is fast in C)
         offset_q16 = abs(self._get(k.POSITION_Q16) - self._get(k.COUNTER) * k.STEP_Q16)
-        way_q16 = k.THRESHOLD_Q16 + (steps - 1) * k.STEP_Q16 - offset_q16 - _SLACK_Q16
-        if way_q16 <= 0:
+        distance_q16 = k.THRESHOLD_Q16 + (steps - 1) * k.STEP_Q16 - offset_q16 - _SLACK_Q16
+        if distance_q16 <= 0:
             return 0
         fastest_q16 = fastest * self.highest_rate_q16
-        return min(left_ticks, (way_q16 * duration_ticks << 16) // fastest_q16) if fastest else left_ticks
+        return min(left_ticks, (distance_q16 * duration_ticks << 16) // fastest_q16) if fastest else left_ticks
 
     # --- edges and events out
 
     def take_event(self) -> AxisEvent:
-        """Return what the kernel wants attention for, once."""
+        """Return and clear the kernel's event."""
         event = AxisEvent(self._get(k.EVENT))
         self._set(k.EVENT, k.EVENT_NONE)
         return event
@@ -423,7 +419,7 @@ class AxisMotion:
         return self._get(k.CLK_EDGES) // 2
 
     def take_edges(self) -> PinEdges:
-        """Return the axis' edges that have been placed and not been taken; the other axes' edges take up room still."""
+        """Return the axis' placed edges since the last call. The edges of the other axes stay in the storage."""
         clk_edges, dir_edges = self._get(k.CLK_EDGES), self._get(k.DIR_EDGES)
         clk, direction = self._board.clk[self._axis], self._board.direction[self._axis]
         edges = PinEdges(clk[:clk_edges].copy(), direction[:dir_edges].copy())
@@ -433,10 +429,10 @@ class AxisMotion:
 
 
 def stop_segments(velocity: int, duration_ms: int) -> list[tuple[int, int, int]]:
-    """Return the ramp from `velocity` (1/64 unit per ms) to rest as (displacement, end velocity, duration) segments.
+    """Return the stop ramp from `velocity` (1/64 unit per ms) as (displacement, end velocity, duration) segments.
 
     After t of T ms the velocity is v (1 - t/T) and the distance v (T^2 - (T-t)^2) / 2T. Displacements are differences
-    of distances from the start, so that roundings do not add up.
+    of distances from the start, so rounding errors do not add up.
     """
     segments = []
     ended_ms, ended_units = 0, 0

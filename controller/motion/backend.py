@@ -1,4 +1,4 @@
-"""Run the kernel as plain Python on lists, or compiled by numba on int64 arrays. Both give the same bits."""
+"""Run the kernel as plain Python on lists, or compiled by numba on int64 arrays. Both give identical results."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ from steptwin.controller.motion.kernel import Cells, Function, Rows
 
 @dataclass(frozen=True, slots=True)
 class Kernel:
-    """The kernel's functions together with the storage that they run on.
+    """The kernel's functions, and constructors of their storage.
 
     Attributes:
         name: "python" or "numba".
-        cells: makes n integers, all 0.
-        rows: makes a number of rows of n integers, all 0.
-        singly: gives a view of storage made by `cells`, for reading and writing one integer at a time.
+        cells: returns n integers, all 0.
+        rows: returns rows of n integers, all 0.
+        singly: returns a view of `cells` that is fast for access to single integers.
     """
 
     name: str
@@ -32,7 +32,7 @@ class Kernel:
 
 
 def python_kernel() -> Kernel:
-    """Return the reference: the kernel on lists of unbounded integers."""
+    """Return the reference kernel, which uses lists of unbounded integers."""
     return Kernel(
         name="python",
         cells=lambda count: [0] * count,
@@ -46,10 +46,10 @@ def python_kernel() -> Kernel:
 
 
 def inline_kernel_functions() -> None:
-    """Tell numba of all functions that are marked by now; raise ModuleNotFoundError without the extra `fast`.
+    """Register all marked functions with numba; raise ModuleNotFoundError without the extra `fast`.
 
-    They are inlined and compiled without numba's runtime, since they allocate nothing: counting references to the
-    arrays at every call would cost as much as evaluating a tick.
+    They are inlined and compiled without numba's runtime, because they allocate nothing. Reference counting of the
+    arrays at every call would take as long as the evaluation of a tick.
     """
     from numba.extending import register_jitable
 
@@ -60,7 +60,7 @@ def inline_kernel_functions() -> None:
 
 @cache
 def compiled_kernel() -> Kernel:
-    """Return the same functions compiled for int64 arrays; raise ModuleNotFoundError without the extra `fast`."""
+    """Return the kernel compiled for int64 arrays; raise ModuleNotFoundError without the extra `fast`."""
     import numba
     import numpy as np
 
@@ -68,7 +68,7 @@ def compiled_kernel() -> Kernel:
     integer, cells, rows = numba.int64, numba.int64[::1], numba.int64[:, ::1]
 
     def compiled(function: Function, *arguments: Any) -> Function:
-        """Compile a function now, or load it from an earlier process, so that its first call is not slower."""
+        """Compile a function now, or load it from numba's cache, so the first call is not slower."""
         # The numpy error model omits checks for division by zero: every divisor in the kernel is positive.
         dispatcher = numba.njit(arguments, cache=True, error_model="numpy")(function)
         return cast("Function", dispatcher.get_overload(arguments))
@@ -77,7 +77,7 @@ def compiled_kernel() -> Kernel:
         name="numba",
         cells=lambda count: np.zeros(count, dtype=np.int64),
         rows=lambda rows, count: np.zeros((rows, count), dtype=np.int64),
-        singly=memoryview,  # numpy makes an object of every element read, which takes twice as long
+        singly=memoryview,  # numpy creates an object for every element read, which takes twice as long
         push=compiled(kernel.push, cells, cells, *4 * (integer,)),
         next_segment=compiled(kernel.next_segment, cells, cells, integer),
         advance=compiled(kernel.advance, *4 * (cells,), rows, rows, *3 * (integer,)),
@@ -89,5 +89,5 @@ KERNELS: dict[str, Callable[[], Kernel]] = {"python": python_kernel, "numba": co
 
 
 def fastest_kernel() -> Kernel:
-    """Return the compiled kernel if numba is installed, else the plain one."""
+    """Return the compiled kernel if numba is installed, else the reference kernel."""
     return compiled_kernel() if find_spec("numba") else python_kernel()

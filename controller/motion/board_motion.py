@@ -1,4 +1,4 @@
-"""The motion of all axes of a board: its one way forward in time, and the halt of the group."""
+"""The motion of all axes of a board: common advance in time, and halt of the group."""
 
 from collections.abc import Sequence
 
@@ -16,7 +16,7 @@ from steptwin.controller.motion.backend import Kernel
 
 
 class BoardMotion(BoardState):
-    """All axes of one board, which go through time together."""
+    """All axes of one board, which advance in time together."""
 
     def __init__(self, kernel: Kernel, axis_count: int) -> None:
         super().__init__(kernel, axis_count)
@@ -28,22 +28,22 @@ class BoardMotion(BoardState):
 
     @property
     def room_ticks(self) -> int:
-        """Number of ticks whose edges are sure to fit before `take_edges` must be called."""
+        """Number of ticks whose edges certainly fit before `take_edges` must be called."""
         return self._free_edges // self.edges_per_tick
 
     def advance(self, until_tick: int) -> int:
         """Compute the motion up to the start of `until_tick`; return the tick reached.
 
-        That is an earlier one if an axis needs attention there (see `take_events`) or if the edges must be drained
+        The tick reached is earlier if an axis needs attention there (see `take_events`) or if the edges must be drained
         (`room_ticks` is 0).
         """
         if not self.running_axes:
             self.tick: int = until_tick
             return until_tick
         until = min(until_tick, self.tick + self.room_ticks)
-        rest_tick = self.group.rest_tick
-        if rest_tick is not None and self.tick < rest_tick < until:
-            until = rest_tick
+        halt_tick = self.group.halt_tick
+        if halt_tick is not None and self.tick < halt_tick < until:
+            until = halt_tick
         reached, asking = self._advance(
             self.cells,
             self._cells_before,
@@ -56,11 +56,11 @@ class BoardMotion(BoardState):
             until,
         )
         self._free_edges -= (reached - self.tick) * self.edges_per_tick
-        comes_to_rest = self.tick < reached == rest_tick
+        halts = self.tick < reached == halt_tick
         self.tick = reached
         if asking:
             self._note_events()
-        if comes_to_rest:
+        if halts:
             for axis in sorted(self.group.members):
                 self.events.setdefault(axis, AxisEvent.HALTED)
         return reached
@@ -72,7 +72,7 @@ class BoardMotion(BoardState):
                 self.events[axis] = event
 
     def take_events(self) -> list[tuple[int, AxisEvent]]:
-        """Return each event once, with its axis. An axis that has an event is at rest or must be stopped."""
+        """Return each event once, with its axis. An axis with an event is at standstill or must be stopped."""
         events = list(self.events.items())
         self.events.clear()
         ended = {axis for axis, event in events if event in (AxisEvent.FINISHED, AxisEvent.UNDERRUN)}
@@ -81,33 +81,32 @@ class BoardMotion(BoardState):
         return events
 
     def take_edges(self) -> tuple[PinEdges, ...]:
-        """Return all edges that have been placed and not been taken, and make room for new ones."""
+        """Return all placed edges since the last call, and free their storage."""
         edges = tuple(axis.take_edges() for axis in self.axes)
         self._free_edges = EDGE_CAPACITY
         return edges
 
     @property
     def highest_rate_q16(self) -> int:
-        """Highest rate of the group's time at which every member keeps its limit of the step rate."""
+        """Highest rate of the group's time at which every member keeps its step rate limit."""
         return min((self.axes[axis].highest_rate_q16 for axis in self.group.members), default=k.FULL_RATE_Q16)
 
     def ramp_group(self, decelerations_units_per_s2: Sequence[int]) -> None:
-        """Let the group's rate change to what is wanted, from the next tick on, within each axis' deceleration limit.
+        """Start a ramp of the group's rate to the target rate, within each axis' deceleration limit.
 
-        See `group_time` for the formula. The speeds come from the segments that the ramp will cover, if they are
-        queued.
+        See `group_time` for the formula. The speeds are those of the queued segments that the ramp will cover.
         """
         group = self.group
-        # Where the plan has every axis at rest, v dr/dt is 0 at any slope: the rate may change at once.
+        # If every axis is at standstill by plan, v dr/dt is 0 for any slope: the rate may change at once.
         moves = any(self.axes[axis].planned_velocity for axis in group.members)
         group.ramp(self.tick, self._full_ramp_ticks(decelerations_units_per_s2) if moves else 0)
 
     def _full_ramp_ticks(self, decelerations_units_per_s2: Sequence[int]) -> int:
         """Return the shortest ramp between full rate and 0 that keeps |v dr/dt| within every axis' deceleration D.
 
-        That is T = |v| / D, with v the highest speed in the trajectory time that the ramp covers: T r^2 / 2 at most,
-        with r the highest rate on the way, at least 1. A longer ramp covers more segments, which may be faster: so T is
-        increased until it suffices. Like a stop it lasts at most STOP_MAX_MS.
+        It takes T = |v| / D, where v is the highest speed in the trajectory time that the ramp covers. This time is at
+        most T r^2 / 2, where r >= 1 is the highest rate during the ramp. A longer ramp covers more segments, which may
+        be faster, so T is increased until it is sufficient. The maximum is STOP_MAX_MS, as for a stop.
         """
         group = self.group
         highest_q16 = max(k.FULL_RATE_Q16, group.rate_q16(self.tick), group.target_q16)

@@ -1,16 +1,16 @@
 """The motion kernel: turn queued cubic segments into CLK and DIR edges, in integers throughout.
 
-Once per servo tick (250 us) every running axis evaluates its cubic Hermite segment in Q16 steps,
+Once per servo tick (250 us) each running axis evaluates its cubic Hermite segment in Q16 steps,
 
     p(s) = p0 + ((c s + b) s + a) s,    s = (i << 30) // n,    i of n ticks,
 
-and places the steps of that tick on the chord between two evaluations. The counter goes up when p reaches counter + H
-and down when p reaches counter - H, with H = 1/2 + 1/16 step: the sixteenth is hysteresis.
+and places the steps of that tick on the chord between two evaluations. The counter increases when p reaches
+counter + H and decreases when p reaches counter - H, with H = 1/2 + 1/16 step; 1/16 is hysteresis.
 
-The functions are written in an integer subset of Python over flat, indexable storage, as C for a Cortex-M3 would be.
-Run as plain Python on lists they are the reference: unbounded integers would show any overflow. Compiled by numba on
-int64 arrays (see `backend`) they give the same bits. `features/kernel_c` has them once more in C, where values have
-widths: a change here is a change there too, and tests compare all bits. The storage is
+The functions use an integer subset of Python and flat, indexable storage, like C code for a Cortex-M3. Plain Python on
+lists is the reference: its unbounded integers show any overflow. Compiled by numba on int64 arrays (see `backend`) they
+give identical results. `features/kernel_c` contains the same functions in C with fixed-width integers; change them
+there, too. Tests compare all results. The storage is
 
     axes        AXIS_FIELDS integers for each axis,
     queue       QUEUE_DEPTH entries of SEGMENT_FIELDS integers for each axis,
@@ -18,9 +18,9 @@ widths: a change here is a change there too, and tests compare all bits. The sto
     clk         one row of CLK edges for each axis: rise, fall, rise, fall ... in timer counts,
     direction   one row of DIR edges for each axis: 2 * counts + level.
 
-A halt slows trajectory time instead of the axes. In each tick the axes of the group advance i by the group's rate
-instead of by 1, and the rate ramps linearly to 0 and back, or to another up to HIGHEST_RATE_Q16. The rate is a function
-of the tick alone and i is kept in Q16 ticks, so that axes in step stay so to the last bit and keep to the planned path.
+A halt slows the trajectory time, not the axes. In each tick the axes of the group advance i by the group's rate instead
+of 1. The rate ramps linearly to 0 and back, or to another rate up to HIGHEST_RATE_Q16. It depends on the tick only, and
+i is in Q16 ticks, so the axes stay exactly synchronous and on the planned path.
 """
 
 from collections.abc import Callable
@@ -30,11 +30,11 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 kernel_functions: list[Callable[..., Any]] = []
-"""Functions that are marked and not yet known to numba (see `backend`)."""
+"""Marked functions that are not registered with numba yet (see `backend`)."""
 
 
 def _marked(function: Function) -> Function:
-    """Mark a function that numba (extra `fast`) compiles into its callers; plain Python stays too."""
+    """Mark a function that numba (extra `fast`) inlines into its callers. It also stays a plain Python function."""
     kernel_functions.append(function)
     return function
 
@@ -48,21 +48,21 @@ TICKS_PER_MS: Final = 4
 
 STEP_Q16: Final = 1 << 16
 THRESHOLD_Q16: Final = STEP_Q16 // 2 + STEP_Q16 // 16
-"""H, the distance from counter to demand at which a step is made; the sixteenth prevents chatter on a threshold."""
+"""H: distance between counter and demand that triggers a step. The 1/16 is hysteresis against chatter."""
 
 ROUNDING_Q16: Final = 4
-"""Upper bound of the error that the three rounding shifts of an evaluation make together."""
+"""Upper bound of the total error of the three rounding shifts in one evaluation."""
 
 FULL_RATE_Q16: Final = 1 << 16
-"""Rate at which trajectory time runs as fast as real time: one tick a tick."""
+"""Rate at which trajectory time equals real time: one tick per tick."""
 HIGHEST_RATE_Q16: Final = FULL_RATE_Q16 * 3 // 2
-"""The highest rate. A segment of the group's lasts at least two ticks, so that at most one ends within a tick."""
+"""Highest rate. Because a group's segment lasts at least two ticks, at most one ends within a tick."""
 
 QUEUE_DEPTH: Final = 64
 DURATION_MAX_MS: Final = 255
 I32_MAX: Final = (1 << 31) - 1
 NEVER_COUNTS: Final = -(1 << 62)
-"""Time of an edge that has not happened yet."""
+"""Time of an edge that has not occurred yet."""
 NEVER_TICK: Final = 1 << 62
 """A tick that never comes."""
 
@@ -102,7 +102,7 @@ CLK_EDGES: Final = 27
 DIR_EDGES: Final = 28
 AXIS_FIELDS: Final = 29
 
-# The time of the group: a ramp of its rate that begins at the start of a tick and takes a number of ticks.
+# The group's time: a ramp of its rate, which begins at the start of RAMP_TICK and lasts RAMP_TICKS.
 RATE_FROM_Q16: Final = 0
 RATE_TO_Q16: Final = 1
 RAMP_TICK: Final = 2
@@ -139,14 +139,14 @@ Rows: TypeAlias = Any
 
 
 @kernel_function
-def way_q16(velocity: int, duration_ticks: int, microsteps: int) -> int:
-    """Return the distance, in Q16 steps, that a velocity in 1/64 unit per ms covers; rounded once."""
+def distance_q16(velocity: int, duration_ticks: int, microsteps: int) -> int:
+    """Return the distance at a velocity in 1/64 unit per ms, in Q16 steps; rounded once."""
     return (velocity * duration_ticks * microsteps + 32) >> 6
 
 
 @kernel_function
 def push(axes: Cells, queue: Cells, axis: int, displacement_units: int, end_velocity: int, duration_ticks: int) -> int:
-    """Queue the cubic from the tail of the queue to the tail + displacement; return ACCEPTED or why it is refused.
+    """Queue the cubic from the queue's tail to tail + displacement; return ACCEPTED or the reason of the refusal.
 
     The displacement is in wire units (1/16 384 full step), the end velocity in 1/64 unit per ms. With D the
     displacement, a = v0 dt and e = v1 dt, all in Q16 steps: b = 3D - 2a - e, c = a + e - 2D. The velocity is a
@@ -162,8 +162,8 @@ def push(axes: Cells, queue: Cells, axis: int, displacement_units: int, end_velo
         return REFUSED_DURATION
     microsteps = axes[base + MICROSTEPS]
     distance = displacement_units * microsteps << 2
-    a = way_q16(axes[base + TAIL_VELOCITY], duration_ticks, microsteps)
-    e = way_q16(end_velocity, duration_ticks, microsteps)
+    a = distance_q16(axes[base + TAIL_VELOCITY], duration_ticks, microsteps)
+    e = distance_q16(end_velocity, duration_ticks, microsteps)
     middle = 3 * distance - a - e
     b = middle - a
     c = a + e - 2 * distance
@@ -216,13 +216,12 @@ def next_segment(axes: Cells, queue: Cells, axis: int) -> bool:
 def place_steps(
     axes: Cells, clk: Cells, direction: Cells, base: int, tick_counts: int, travel: int, to_threshold: int, up: int
 ) -> bool:
-    """Place the steps of one tick, all of them up or down (1 or 0); return False if one is over a tick late.
+    """Place the steps of one tick, all upwards (`up` 1) or downwards (0); return False if one is over a tick late.
 
     The chord is `travel` long and crosses the first threshold after `to_threshold` (Q16 steps). The crossings are
-    evenly spaced: the first is at to_threshold * interval, each further one an interval later. A rise waits until the
-    last CLK fall is stepspace old and the last DIR edge dirsetup old. A DIR edge waits until the last rise is dirhold
-    old, and at least one count, because the driver reads DIR at the rise itself. All these times count from the edges
-    really placed.
+    evenly spaced: the first at to_threshold * interval, each further one an interval later. A rise waits until
+    stepspace after the last CLK fall and dirsetup after the last DIR edge. A DIR edge waits until dirhold after the
+    last rise, at least one count, because the driver reads DIR at the rise. All times count from the placed edges.
     """
     # `travel` is never negative; testing for it lets the compiler divide unsigned.
     if travel <= 0 or to_threshold > travel:
@@ -237,17 +236,17 @@ def place_steps(
         axes[base + DIR_EDGES] += 1
     steps = (travel - to_threshold) // STEP_Q16 + 1
     interval_q16 = (TICK_COUNTS << 32) // travel
-    due_q16 = to_threshold * interval_q16 >> 16  # at most a tick, since the threshold is on the chord
+    due_q16 = to_threshold * interval_q16 >> 16  # at most one tick, because the threshold is on the chord
     steplen = axes[base + STEPLEN_COUNTS]
     pulse = steplen + axes[base + STEPSPACE_COUNTS]
-    first = axes[base + CLK_EDGES] & I32_MAX  # never negative; the mask shows it, so that the loop is vectorised
+    first = axes[base + CLK_EDGES] & I32_MAX  # the mask shows that it is not negative: the loop is then vectorised
     last = first + 2 * steps
     axes[base + COUNTER] += steps if up else -steps
     axes[base + CLK_EDGES] = last
     rise = tick_counts + (due_q16 >> 16)
     if earliest > rise or pulse > interval_q16 >> 16:
         return place_waiting_steps(axes, clk, base, first, last, tick_counts, due_q16, interval_q16, earliest)
-    # The first step need not wait, and the others are at least a pulse apart: all are placed when they are due.
+    # The first step does not wait, and the steps are at least one pulse apart: all are placed at their due times.
     for k in range(first, last, 2):
         rise = tick_counts + (due_q16 >> 16)
         clk[k] = rise
@@ -270,10 +269,11 @@ def place_waiting_steps(
     interval_q16: int,
     earliest: int,
 ) -> bool:
-    """Place the edges first .. last - 1: each step when it is due, or later when the driver is ready for it.
+    """Place the edges first .. last - 1: each step at its due time, or later when the driver accepts it.
 
-    Return False if a step is over a tick late. The crossings of a tick are equally spaced: if a pulse is longer than
-    their interval, lateness grows from step to step; if not, it shrinks. So the first or the last step is the latest.
+    Return False if a step is over a tick late. The crossings of a tick are equally spaced. If a pulse is longer than
+    their interval, the delay grows from step to step; if not, it shrinks. So the first or the last step has the longest
+    delay.
     """
     steplen = axes[base + STEPLEN_COUNTS]
     pulse = steplen + axes[base + STEPSPACE_COUNTS]
@@ -313,10 +313,10 @@ def group_time_q16(group: Cells, tick: int) -> int:
 
 @kernel_function
 def makes_no_step(start: int, a: int, b: int, c: int) -> bool:
-    """Return True if a segment that starts at this distance from the counter cannot reach a threshold.
+    """Return whether a segment that starts at this distance from the counter certainly reaches no threshold.
 
-    A cubic stays within its Bernstein coefficients: start, start + a/3, end - e/3 and end, with e = a + 2b + 3c. They
-    are multiplied by three to avoid the division, and so are the threshold and the rounding of an evaluation.
+    A cubic stays within its Bernstein coefficients: start, start + a/3, end - e/3 and end, with e = a + 2b + 3c. All
+    values are multiplied by three to avoid the division.
     """
     end = 3 * (start + a + b + c)
     farthest = max(abs(3 * start), abs(3 * start + a), abs(end - a - 2 * b - 3 * c), abs(end))
@@ -325,11 +325,11 @@ def makes_no_step(start: int, a: int, b: int, c: int) -> bool:
 
 @kernel_function
 def run_ticks(axes: Cells, clk: Cells, direction: Cells, base: int, tick: int, until_tick: int, rate_q16: int) -> int:
-    """Evaluate the segment at the end of each tick and place the steps, to `until_tick` or to a late step.
+    """Evaluate the segment at the end of each tick and place the steps, up to `until_tick` or a late step.
 
-    Trajectory time advances by `rate_q16` a tick, so (i << 30) // n is updated by additions: quotient and remainder
-    are carried from tick to tick. Trajectory time is negative where the segment begins within the tick. Return the
-    tick reached; EVENT tells if a step was late.
+    Trajectory time advances by `rate_q16` per tick, so (i << 30) // n is updated by additions: quotient and remainder
+    are carried from tick to tick. Trajectory time is negative if the segment begins within the tick. Return the tick
+    reached; EVENT reports a late step.
     """
     half = 1 << 29
     start = axes[base + START_Q16]
@@ -358,7 +358,7 @@ def run_ticks(axes: Cells, clk: Cells, direction: Cells, base: int, tick: int, u
         chord = ((c * s + half) >> 30) + b
         chord = ((chord * s + half) >> 30) + a
         q = start + ((chord * s + half) >> 30)
-        # One call for each direction: the compiler inlines a version for each, which is faster by a sixth.
+        # One call for each direction: the compiler inlines two versions, which are faster by a sixth.
         counter_q16 = axes[base + COUNTER] * STEP_Q16
         tick_counts = tick * TICK_COUNTS
         if q - counter_q16 >= THRESHOLD_Q16:
@@ -378,7 +378,7 @@ def run_ticks(axes: Cells, clk: Cells, direction: Cells, base: int, tick: int, u
 
 @kernel_function
 def full_rate_from(axes: Cells, group: Cells, axis: int, tick: int) -> int:
-    """Return the first tick, not before `tick`, from which on an axis' trajectory time runs at full rate."""
+    """Return the first tick, at or after `tick`, from which an axis' trajectory time runs at full rate."""
     if axes[axis * AXIS_FIELDS + IN_GROUP] == 0:
         return tick
     if group[RATE_TO_Q16] != FULL_RATE_Q16:
@@ -392,9 +392,9 @@ def advance_axis(
 ) -> int:
     """Run one axis from the start of `tick` to the start of `until_tick`, or until it needs attention.
 
-    Return the tick reached; if it is before `until_tick`, EVENT tells why. At full rate all whole ticks of a segment
-    are run in one call. A tick at another rate is run alone, and so is a tick within which a segment ends: the rest of
-    the tick belongs to the next segment, or the axis rests if there is none.
+    Return the tick reached; if it is before `until_tick`, EVENT gives the reason. At full rate all whole ticks of a
+    segment run in one call. A tick at another rate runs alone, and so does a tick in which a segment ends: the rest of
+    the tick belongs to the next segment, or the axis stops if there is none.
     """
     base = axis * AXIS_FIELDS
     if axes[base + RUNNING] == 1:
@@ -416,7 +416,7 @@ def advance_axis(
                 rate_q16 = left_q16  # to the segment's very end
         tick = run_ticks(axes, clk, direction, base, tick, min(tick + ticks, until_tick), rate_q16)
         if axes[base + ELAPSED_Q16] == axes[base + DURATION_TICKS] << 16 and not next_segment(axes, queue, axis):
-            if axes[base + EVENT] == EVENT_NONE:  # a late step is told first: the firmware stops for it anyway
+            if axes[base + EVENT] == EVENT_NONE:  # a late step has priority: the firmware stops for it anyway
                 axes[base + EVENT] = EVENT_FINISHED if axes[base + END_VELOCITY] == 0 else EVENT_UNDERRUN
             return tick
         if axes[base + EVENT] != EVENT_NONE:
@@ -436,17 +436,17 @@ def advance(
     tick: int,
     until_tick: int,
 ) -> tuple[int, int]:
-    """Run all axes from `tick` to `until_tick`, or to the first tick when one of them needs attention.
+    """Run all axes from `tick` to `until_tick`, or to the first tick at which one of them needs attention.
 
     The group's ramp must not begin after `tick`. `before` is as long as `axes` and is overwritten. Return the tick
-    reached, which is after `tick`, and the number of axes that need attention there; their EVENT tells why.
+    reached, which is after `tick`, and the number of axes that need attention there; their EVENT gives the reason.
     """
     if until_tick - tick > 1:  # within one tick no axis can run too far
         before[:] = axes
     reached = until_tick
     for axis in range(axis_count):
         reached = advance_axis(axes, queue, group, clk[axis], direction[axis], axis, tick, reached)
-    if reached < until_tick:  # axes run one after the other, and some ran too far: repeat up to the common tick
+    if reached < until_tick:  # axes run one after the other, and some have run too far: repeat up to the common tick
         axes[:] = before
         for axis in range(axis_count):
             advance_axis(axes, queue, group, clk[axis], direction[axis], axis, tick, reached)
@@ -460,7 +460,7 @@ def advance(
 def demand_rate(axes: Cells, axis: int) -> int:
     """Return the slope of the present segment, or of the last one at its end, in Q16 steps per duration.
 
-    That is a + 2 b s + 3 c s^2 at full rate; the caller scales it by the group's rate.
+    It is a + 2 b s + 3 c s^2 at full rate; the caller scales it by the group's rate.
     """
     base = axis * AXIS_FIELDS
     s = (axes[base + ELAPSED_Q16] << 14) // axes[base + DURATION_TICKS]

@@ -1,1 +1,1 @@
-"""The CANopen nodes of a board: drives with their states, errors and stops, and the frames between them and the bus."""
+"""The CANopen nodes of a board: their drives, errors and stops, and their frames to and from the bus."""

@@ -28,58 +28,58 @@ class BoardReadings:
 
     @property
     def supply_mv(self) -> int:
-        """The same supply as CiA 402 has it, object 6079h: a stepper board's DC link is its motor supply."""
+        """The supply in mV for CiA 402's object 6079h: the DC link of a stepper board is its motor supply."""
         return 10 * self.supply_10mv
 
 
 class PositionReference:
     """The position reference of one axis: set by homing, lost when the driver is cut off in motion.
 
-    The steps that the driver has lost stand in object 2F00h, which only the emulated board supplies. A real board
-    without encoder counts every step as made, and its following error is then the rounding to steps.
+    Object 2F00h holds the steps that the driver has lost; only the emulated board supplies it. A real board without
+    encoder assumes that every step was made, so its following error is only the rounding to steps.
     """
 
     def __init__(self, motion: AxisMotion, dictionary: ObjectDictionary) -> None:
         self._motion = motion
         self._lost_steps = dictionary.cell(od.LOST_STEPS)
         self._lost_before_steps = 0
-        """Steps lost before the reference was set last: they do not count."""
+        """Steps lost before the last homing; they do not count."""
         self.known: bool = False
-        """True from a homing on, until the axis may have moved without counting."""
+        """True after a homing, until the axis may have moved without being counted."""
         dictionary.bind(self)
 
     def set(self) -> None:
-        """Note that homing has set the position: the rotor is where the counter says."""
+        """Set the reference: homing has set the counter to the rotor's position."""
         self.known = True
         self._lost_before_steps = self._lost_steps.get()
 
     def lose(self) -> None:
-        """Note that the rotor may have moved without the counter."""
+        """Lose the reference: the rotor may have moved without being counted."""
         self.known = False
 
     @property
     def lost_units(self) -> int:
-        """Distance of the rotor behind the step counter, as far as it has grown since the reference was set."""
+        """Distance in units that the rotor has fallen behind the step counter since the reference was set."""
         lost_steps = self._lost_steps.get() - self._lost_before_steps
         return lost_steps * UNITS_PER_FULL_STEP // self._motion.config.microsteps
 
     @property
     def following_error_units(self) -> int:
-        """Demanded position less the position that the driver has counted."""
+        """Demanded position minus the position that the driver has counted."""
         return self._motion.demand_units - self._motion.counter_units + self.lost_units
 
 
 class Trip(Protocol):
     """Request the fault reaction of an axis, and of its group if the fault stops the group.
 
-    The reaction begins after the caller has returned, so that faults of the same instant are handled together.
+    The reaction begins after the caller returns, so faults of the same instant are handled together.
     """
 
     def __call__(self, axis: int, code: ErrorCode, detail: int = 0) -> None: ...
 
 
 class BoardContext(NamedTuple):
-    """Motion, measurements, clocks, inputs and CAN driver of the board, and the way to request a fault reaction."""
+    """Parts of the board that all its axes share, and the function that requests a fault reaction."""
 
     motion: BoardMotion
     measurements: BoardReadings
@@ -94,7 +94,7 @@ class BoardContext(NamedTuple):
 
 
 class AxisContext:
-    """One axis' dictionary, process data, errors, pins, limits and reference; the time of the call being served."""
+    """The parts of one axis that its node, drive and modes share, and the time of the present call."""
 
     def __init__(self, axis: int, node_id: int, flash_page: FlashPage, board: BoardContext) -> None:
         self.axis = axis
@@ -110,16 +110,16 @@ class AxisContext:
         self.dictionary.bind(board.measurements)
         self.dictionary.bind(self.motion)
         self.now_us = 0
-        """Time of the call being served."""
+        """Time of the present call."""
         self.touched: bool = False
-        """True once the call being served has changed anything that the node may have to send."""
+        """True if the present call has changed something that the node may have to send."""
 
     def touch(self) -> None:
-        """Make the node look for frames to send when the call being served ends."""
+        """Make the node check for frames to send at the end of the present call."""
         self.touched = True
 
     def changed(self, address: int) -> None:
-        """Note that the value of an entry has changed: event-driven TPDOs report it."""
+        """Announce a changed entry to the event-driven TPDOs."""
         self.touched = True
         self.process_data.changed(address)
 

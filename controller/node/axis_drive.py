@@ -1,4 +1,4 @@
-"""One axis' drive (CiA 402): power state, modes of operation, stops and faults, and how they act on each other."""
+"""The drive of one axis (CiA 402): power state machine, modes of operation, stops and faults."""
 
 from functools import partial
 from typing import Final
@@ -26,28 +26,28 @@ _ABORT_CONTROLWORDS = {
     AbortConnection.DISABLE_VOLTAGE: cia402.DISABLE_VOLTAGE,
     AbortConnection.QUICK_STOP: cia402.QUICK_STOP,
 }
-"""The controlword that the drive obeys when its connection is lost, by the abort connection option code (6007h)."""
+"""Controlword that a lost connection commands, by the abort connection option code (6007h)."""
 
 BY_PROGRAM: Final = 1
-"""Detail of an emergency stop that a program has commanded; 0 is the e-stop input's."""
+"""Detail of an emergency stop commanded by a program; 0 is the e-stop input."""
 
 _FOLLOWING_MODES: Final = (
     Mode.PROFILE_POSITION,
     Mode.CYCLIC_SYNCHRONOUS_POSITION,
     Mode.CYCLIC_SYNCHRONOUS_VELOCITY,
 )
-"""The modes whose bit 13 of the statusword is the following error."""
+"""Modes in which bit 13 of the statusword is the following error."""
 
 
 _KEEPS_UNITS: Final = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE)
-"""The states in which the user units stay: targets may come meanwhile. CiA 402-2 leaves configuration in them open."""
+"""States in which the user units cannot change, because targets may arrive. (CiA 402-2 does not regulate this.)"""
 
 
 class AxisDrive:
     """Obeys controlwords, stops for faults and reports its state in the statusword.
 
-    The state machine, the mode and the stop in progress act on each other at every command, so they are driven from one
-    class; the tables, the modes, the supervision and the ways to stop are classes of their own.
+    The state machine, the mode and the stop in progress depend on each other at every command, so one class controls
+    them. The tables, the modes, the supervision and the stops are classes of their own.
     """
 
     def __init__(self, context: AxisContext) -> None:
@@ -62,15 +62,15 @@ class AxisDrive:
         self.emergency_stopped: bool = False
         """True from an emergency stop by a program (2015h) until the fault reset."""
         self._stop_command: State | None = None
-        """State that the command of the stop in progress leads to; None while no ramp leads out of the motion."""
+        """Target state of the command that has started the stop in progress; None if no such stop is in progress."""
         self._after_stop: State = self.state
-        """State to enter when that stop has ended, by the option code as it was when the stop began."""
+        """State after that stop, by the option code at its start."""
         self._settled_us = 0
-        """Time from which on the driver, whose outputs are on, takes steps (2001h:06)."""
+        """Instant from which the energised driver accepts steps (2001h:06)."""
         self._enable_due_us: int | None = None
-        """The same while "enable operation" waits for it; else None."""
+        """The same instant while "enable operation" waits for it; else None."""
         self.fault_number: int = 0
-        """Number of the last fault or emergency stop, also of one that found the drive in fault already."""
+        """Number of the last fault or emergency stop; one that occurs in FAULT counts, too."""
         self._fault_us = 0
         self.supervision: Supervision = Supervision(context)
         self._probes = TouchProbes(context)
@@ -95,7 +95,7 @@ class AxisDrive:
         context.dictionary.bind(self)
 
     def reset(self) -> None:
-        """Lose everything that a power cycle would lose; end the pulses at once. A standing axis keeps its position."""
+        """Reset as by a power cycle and end all pulses. An axis at standstill keeps its position."""
         self.stop.cut()
         self._controlword = 0
         self.emergency_stopped = False
@@ -112,12 +112,12 @@ class AxisDrive:
     # --- commands
 
     def obey_controlword(self, controlword: int) -> None:
-        """Obey a controlword; the mode's own bits only count in OPERATION ENABLED.
+        """Obey a controlword; the mode's own bits act in OPERATION ENABLED only.
 
-        So a bit that rises in the word that enables the drive starts nothing: the mode sees no edge.
+        A bit that rises together with the command that enables the drive starts nothing: the mode sees no edge.
 
-        While a ramp leads out of OPERATION ENABLED, ignore all commands but those that lead further away from it. A
-        master that repeats "enable operation" every millisecond cannot take a stop back.
+        During a ramp out of OPERATION ENABLED, only commands that lead further away from this state act. A master that
+        repeats "enable operation" every millisecond cannot cancel a stop.
         """
         self._context.touch()
         previous, self._controlword = self._controlword, controlword
@@ -128,24 +128,24 @@ class AxisDrive:
 
     @property
     def _enabled(self) -> bool:
-        """True in OPERATION ENABLED, unless a ramp leads out of it."""
+        """True in OPERATION ENABLED, except during a ramp out of it."""
         return self.state is State.OPERATION_ENABLED and self._stop_command is None
 
     def reset_numbered_fault(self, number: int) -> None:
-        """Leave FAULT as by a rising edge of the controlword's bit 7 (transition 15); elsewhere do nothing.
+        """Leave FAULT, if `number` is that of the last fault (transition 15); do nothing in other states.
 
-        A fault reset by controlword answers whatever has come until it arrives. A frame that the network held up would
-        so release an emergency stop that came later. The reset that names a number does not.
+        A fault reset by controlword resets every fault up to its arrival. If the network delays the frame, it would
+        also release a later emergency stop. A reset with a number does not.
         """
         if number != self.fault_number:
-            raise SdoAbortError(AbortCode.DEVICE_STATE)  # another fault has come since
+            raise SdoAbortError(AbortCode.DEVICE_STATE)  # another fault has occurred since
         if self.state is State.FAULT:
             for controlword in (0, Control.FAULT_RESET):
                 self._dictionary.set(od.CONTROLWORD, controlword)
                 self.obey_controlword(controlword)
 
     def _obey(self, target: State) -> None:
-        """Change the state by command. A moving axis first stops, in the way that the option codes select."""
+        """Change the state by command. A moving axis stops first, as the option codes select."""
         if target is self.state:
             return
         if self._stop_command and not leads_further(target, self._stop_command):
@@ -160,7 +160,7 @@ class AxisDrive:
             self._context.errors.acknowledge_faults()
         kind, end = self._stop_towards(target)
         if self._motion.running and target is not State.OPERATION_ENABLED:
-            self._bring_to_rest(kind)
+            self._ramp_down(kind)
         if not self._motion.running:
             self._enter(end)
             return
@@ -169,7 +169,7 @@ class AxisDrive:
         self._stop_command, self._after_stop = target, end
 
     def _stop_towards(self, target: State) -> tuple[StopKind, State]:
-        """Return how a moving axis stops on its way to a state, and the state that follows the stop."""
+        """Return how a moving axis stops for a command to a target state, and the state after the stop."""
         get = self._dictionary.get
         if target is State.QUICK_STOP_ACTIVE:
             return QUICK_STOPS[get(od.QUICK_STOP_OPTION)]
@@ -179,7 +179,7 @@ class AxisDrive:
             return DISABLES[get(od.DISABLE_OPERATION_OPTION)], target
         return StopKind.CUT, target
 
-    def _bring_to_rest(self, kind: StopKind, stop_ms: int | None = None) -> None:
+    def _ramp_down(self, kind: StopKind, stop_ms: int | None = None) -> None:
         if kind is StopKind.CUT:
             self.stop.cut()
         else:
@@ -195,13 +195,13 @@ class AxisDrive:
             self.mode_number = mode
             self._context.changed(od.MODE_OF_OPERATION_DISPLAY)
             if self.state is State.OPERATION_ENABLED:
-                # The same word twice shows the new mode levels but no edge, so that no old bit starts a motion.
+                # With the same word twice the new mode sees levels but no edge: no old bit starts a motion.
                 self.mode.control(self._controlword, self._controlword)
 
     def change_units_at(self, address: int, value: int) -> None:
-        """Choose the user units by a factor (6091h, 6092h), or name them (60A8h), while no motion can be commanded.
+        """Change a factor of the user units (6091h, 6092h) or their SI unit (60A8h); refuse if motion is possible.
 
-        The SI unit (60A8h) changes no number: it says what the factors mean.
+        The SI unit (60A8h) changes no value: it documents the factors.
         """
         if self.state in _KEEPS_UNITS:
             raise SdoAbortError(AbortCode.DEVICE_STATE)
@@ -209,9 +209,9 @@ class AxisDrive:
             self._dictionary.change_factor(address, value)
 
     def abort_connection(self) -> None:
-        """Obey the controlword that the abort connection option code (6007h) gives for a lost connection, if any.
+        """Obey the controlword that the abort connection option code (6007h) gives for a lost connection.
 
-        The option "fault signal" gives none: the node requests the fault reaction, which concerns the group.
+        The option "fault signal" gives none: there the node requests the fault reaction, because it concerns the group.
         """
         controlword = _ABORT_CONTROLWORDS.get(AbortConnection(self._dictionary.get(od.ABORT_CONNECTION_OPTION)))
         if controlword is not None:
@@ -220,7 +220,7 @@ class AxisDrive:
     # --- states
 
     def _enter(self, state: State) -> None:
-        """Enter a state; OPERATION ENABLED by way of SWITCHED ON, until the driver takes steps."""
+        """Enter a state. For OPERATION ENABLED, wait in SWITCHED ON until the driver accepts steps."""
         now_us, self._enable_due_us = self._context.now_us, None
         if state in ENERGISED and not self.energised:
             self._settled_us = now_us + self._dictionary.get(od.SETTLING_US)
@@ -238,7 +238,7 @@ class AxisDrive:
             self.supervision.check()
 
     def _settle_driver(self, now_us: int) -> None:
-        """Obey "enable operation" now that the driver takes steps, unless another command has come."""
+        """Obey a waiting "enable operation" when the driver accepts steps, unless another command has come."""
         if self._enable_due_us is None or now_us < self._enable_due_us:
             return
         self._enable_due_us = None
@@ -247,7 +247,7 @@ class AxisDrive:
             self.mode.control(self._controlword, self._controlword)
 
     def finished(self) -> None:
-        """Handle the end of all segments: the axis is at rest."""
+        """Handle the end of all segments: the axis is at standstill."""
         if self.state is State.FAULT_REACTION_ACTIVE:
             self._enter(State.FAULT)
         elif self._stop_command:
@@ -262,21 +262,21 @@ class AxisDrive:
         self._fault_us = self._context.now_us
 
     def fault_age_ms(self) -> int:
-        """Return the age of the last fault, rounded down; the highest value without one."""
+        """Return the age of the last fault, rounded down; the highest value if there is none."""
         return (self._context.now_us - self._fault_us) // 1000 if self.fault_number else DataType.UNSIGNED32.high
 
     def _fault_stop(self, code: ErrorCode, detail: int) -> StopKind:
         return fault_stop(code, detail, self._dictionary.get(od.FAULT_REACTION_OPTION))
 
     def fault_stop_ms(self, code: ErrorCode, detail: int) -> int:
-        """Return how long the drive would take to stop for an error."""
+        """Return the stopping time for an error."""
         return self.stop.duration_ms(self._fault_stop(code, detail))
 
     def fault(self, code: ErrorCode, detail: int, stop_ms: int) -> None:
         """Enter the fault reaction: report the error, stop within `stop_ms`, then switch off.
 
-        A drive that is switched off stays so, since the fault reaction would switch it on. A drive that is reacting to
-        a fault already continues with that reaction, unless the new error demands to end the pulses at once.
+        A drive that is switched off stays off. A drive in a fault reaction continues it, unless the new error requires
+        that the pulses end at once.
         """
         if not self.energised:
             return
@@ -289,11 +289,11 @@ class AxisDrive:
         if code is ErrorCode.PVT_UNDERRUN:
             self.interpolation.underrun()
         if self._motion.running or self._motion.velocity != 0:
-            self._bring_to_rest(kind, stop_ms)
+            self._ramp_down(kind, stop_ms)
         self._enter(State.FAULT_REACTION_ACTIVE if self._motion.running else State.FAULT)
 
     def stop_at_once(self, value: int) -> None:
-        """Stop as the e-stop input does (2015h); only a fault reset leads out of FAULT, also if the drive was off."""
+        """Stop like the e-stop input (2015h). Even a drive that was off then needs a fault reset."""
         if not value:
             raise SdoAbortError(AbortCode.VALUE_TOO_LOW)
         self._context.touch()
@@ -317,7 +317,7 @@ class AxisDrive:
     # --- inputs
 
     def set_inputs(self, inputs: DigitalInput) -> None:
-        """Take the axis' input levels as of the tick that begins now."""
+        """Set the axis' input levels at the start of the present tick."""
         if inputs == self.supervision.inputs:
             return
         if inputs & ~self.supervision.inputs & DigitalInput.ESTOP:
@@ -333,20 +333,20 @@ class AxisDrive:
             self.mode.inputs_changed(inputs)
 
     def watch_other_switches(self) -> None:
-        """Let the mode look at the switches of the axis that it watches, if that is another one."""
+        """Let the mode check the switches that it monitors at another axis."""
         watched = self.mode.switches_at
         if self._enabled and watched != self.axis:
             self.mode.inputs_changed(self._context.board.inputs[watched])
 
     def measured(self) -> None:
-        """Look at new readings of the board's analogue inputs."""
+        """Check new readings of the board's analogue inputs."""
         if self.energised:
             self.supervision.check()
 
     # --- after every call, and when time has passed
 
     def settle(self, now_us: int) -> None:
-        """Tell the group, the queue and the supervision the drive's state, at the end of every call."""
+        """Update the group, the queue and the supervision with the drive's state, at the end of every call."""
         self._cyclic.end_image()
         self._motion.settle_speed_limit()
         interpolating = self.mode is self.interpolation
@@ -356,12 +356,12 @@ class AxisDrive:
         self.supervision.watch(now_us, switches=not self.mode.seeks_switches)
 
     def dues_us(self) -> tuple[int | None, ...]:
-        """Return the time of the next poll of each part of the drive; None if a part waits for nothing."""
+        """Return when each part of the drive must be polled next; None for a part without a due time."""
         parts = self.feed, self.supervision, self.settings, self.mode
         return self._enable_due_us, *(part.due_us for part in parts)
 
     def poll(self, now_us: int) -> bool:
-        """Do the work that is due; return whether there was any."""
+        """Do the work that is due; return True if there was any."""
         if all(due_us is None or due_us > now_us for due_us in self.dues_us()):
             return False
         self._settle_driver(now_us)
@@ -372,7 +372,7 @@ class AxisDrive:
         return True
 
     def statusword(self) -> int:
-        """Return the statusword (6041h): the bits of the state, the drive and the mode."""
+        """Return the statusword (6041h): the bits of state, drive and mode."""
         word = self.state.bits
         if self.supervision.supplied:
             word |= Status.VOLTAGE_ENABLED

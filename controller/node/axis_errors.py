@@ -1,4 +1,4 @@
-"""The errors of one axis: EMCY frames, error register and error history, joined to the object dictionary."""
+"""The errors of one axis: EMCY frames, error register and error history, connected to the object dictionary."""
 
 from collections.abc import Callable
 from typing import Final
@@ -15,7 +15,7 @@ _PDO_ERRORS: Final = (*_PDO_LENGTH_ERRORS, ErrorCode.RPDO_TIMEOUT)
 
 
 class AxisErrors(EmergencyProducer):
-    """Reports errors when they occur and resolves them when their cause has gone."""
+    """Reports errors when they occur and resolves them when their cause is gone."""
 
     def __init__(self, dictionary: ObjectDictionary, heartbeats: HeartbeatConsumer, touch: Callable[[], None]) -> None:
         super().__init__()
@@ -25,11 +25,11 @@ class AxisErrors(EmergencyProducer):
         dictionary.bind(self)
 
     def check_new_cob_id(self, cob_id: int) -> None:
-        """Refuse a value that is not a COB-ID of an EMCY, and a new one while the present one is valid."""
+        """Refuse a COB-ID that an EMCY may not have, and a new identifier while the present one is valid."""
         check_cob_id(self._dictionary.get(od.EMCY_COB_ID), cob_id)
 
     def report(self, code: ErrorCode, detail: int) -> None:
-        """Send an EMCY unless the error is active already."""
+        """Send an EMCY, unless the error is already active."""
         self._touch()
         self.raise_error(code, detail)
 
@@ -38,14 +38,14 @@ class AxisErrors(EmergencyProducer):
         self._resolve(lambda active, of: active is code and detail in (None, of))
 
     def pdo_received(self, number: int, *, in_fault: bool) -> None:
-        """Resolve a receive PDO's errors, after a frame of the right length; in fault, not that it had been late."""
+        """Resolve the errors of an RPDO after a frame of correct length; its time-out stays active in fault."""
         ended = _PDO_LENGTH_ERRORS if in_fault else _PDO_ERRORS
         self._resolve(lambda code, detail: code in ended and detail == number + 1)
 
     def acknowledge_faults(self) -> None:
-        """Resolve the drive's errors, those of a lost connection, and the lost heartbeats whose producer has returned.
+        """Resolve the drive's errors, those of a lost connection, and the lost heartbeats whose producer is back.
 
-        Other communication errors are resolved by the frames that prove that communication works again.
+        Other communication errors are resolved by frames that prove that communication works again.
         """
         self._resolve(self._is_over)
 

@@ -22,29 +22,29 @@ from steptwin.protocol.sdo_server import SdoServer
 from steptwin.protocol.storage import ParameterStorage, checksum
 
 _RETRY_US: Final = 1000
-"""Time until an EMCY that found no place in the transmit queue tries again."""
-_OPERATIONAL: Final = NmtState.OPERATIONAL  # to fetch it from its enum costs time, for every frame
+"""Time after which an EMCY is tried again if the transmit queue has no place."""
+_OPERATIONAL: Final = NmtState.OPERATIONAL  # bound once: access to an enum's member costs time for every frame
 _FAULT_STATES: Final = (State.FAULT_REACTION_ACTIVE, State.FAULT)
 _SILENT: Final = (NmtState.STOPPED, NmtState.INITIALISING)
-"""A node in these NMT states neither answers SDO requests nor sends EMCYs."""
+"""NMT states in which a node neither answers SDO requests nor sends EMCYs."""
 
 
 class AxisNode:
-    """The firmware of one axis. Every call is told the time; frames to send go to the board's transmit queue."""
+    """The firmware of one axis. Every call receives the time; frames to send go to the board's transmit queue."""
 
     def __init__(self, axis: int, node_id: int, flash_page: FlashPage, board: BoardContext) -> None:
         self.axis = axis
         self.serial_number = node_id
-        """Given by the factory, for the place of the axis; by default its node id, which LSS may change."""
+        """Set in the factory to the default node id of the axis. LSS may change the node id, not the serial number."""
         self.nmt_state: NmtState = NmtState.INITIALISING
         self.due_us: int | None = None
-        """Time of the next call of `poll`; None if the node waits for nothing."""
+        """Time of the next call of `poll`; None if nothing is due."""
         self.routes_changed: bool = True
-        """True when the COB-IDs that this node listens to may have changed, until the firmware resets it."""
+        """True if the node's COB-IDs may have changed; the firmware resets it."""
         self.connection_loss: ConnectionLoss | None = None
-        """Why the master is lost, when a time-out says so, until `abort_connection`."""
+        """Reason of a connection loss by time-out, until `abort_connection` handles it; else None."""
         self._resetting = False
-        """True while the axis comes to rest before the node is reset."""
+        """True while the axis stops before the node is reset."""
         self._context = context = AxisContext(axis, node_id, flash_page, board)
         self.dictionary: ObjectDictionary = context.dictionary
         identity = *map(context.dictionary.get, (od.VENDOR_ID, od.PRODUCT_CODE, od.REVISION_NUMBER)), node_id
@@ -54,7 +54,7 @@ class AxisNode:
         self.pins: AxisPins = context.pins
         self._motion = context.motion
         self._clock_zero_us = 0
-        """Time when the high resolution time stamp (1013h) was 0."""
+        """Instant at which the high resolution time stamp (1013h) was 0."""
         self._statusword = 0
         self._sdo = SdoServer(self.dictionary)
         self._heartbeat = HeartbeatProducer()
@@ -69,7 +69,7 @@ class AxisNode:
 
     @property
     def board_clock_us(self) -> int:
-        """Time since power-up, within 32 bits."""
+        """Time since power-up, modulo 2^32."""
         return self._context.now_us & 0xFFFF_FFFF
 
     @property
@@ -83,25 +83,25 @@ class AxisNode:
 
     @property
     def robot_name_crc(self) -> int:
-        """Checksum of the robot's name (2016h)."""
+        """CRC-32 of the robot's name (2016h)."""
         return checksum(self.dictionary.text(od.ROBOT_NAME))
 
     def switch_outputs_at(self, address: int, value: int) -> None:
-        """Switch the digital outputs (60FEh:01) that the mask (60FEh:02) lets through; one of the two is new."""
+        """Set the digital outputs (60FEh:01 and its mask :02); `value` is the new value of one of these entries."""
         other = od.DIGITAL_OUTPUTS if address == od.DIGITAL_OUTPUTS_MASK else od.DIGITAL_OUTPUTS_MASK
         self.pins.switch_outputs(value & self.dictionary.get(other))
 
     def set_heartbeat_period(self, period_ms: int) -> None:
-        """Send a heartbeat with this period from now on; 0: none."""
+        """Set the heartbeat's period; 0 switches it off."""
         self._heartbeat.set_period(period_ms * 1000, self._context.now_us)
 
     @property
     def configured(self) -> bool:
-        """True if the node has a node id; without one it only takes part in the layer setting services."""
+        """True if the node has a node id; without one it only uses LSS."""
         return self.node_id != UNCONFIGURED
 
     def _board_moves(self) -> bool:
-        """Return whether an axis of the board moves: while an STM32F103 writes its flash, it cannot make steps."""
+        """Return whether an axis of the board moves: an STM32F103 cannot make steps while it writes its flash."""
         return bool(self._context.board.motion.running_axes)
 
     # --- power-up and network management
@@ -115,7 +115,7 @@ class AxisNode:
         self._end_call()
 
     def on_nmt(self, command: NmtCommand, now_us: int) -> None:
-        """Obey a network management command that addresses this node, unless it waits for its reset."""
+        """Obey an NMT command to this node; ignore it while the node waits for a reset."""
         if self._resetting or not self.configured:
             return
         self._context.now_us = now_us
@@ -132,9 +132,9 @@ class AxisNode:
         self._end_call()
 
     def _begin_reset(self) -> None:
-        """Let the axis stop as the abort connection option code (6007h) says; be silent until it stands, then restart.
+        """Stop the axis by the abort connection option code (6007h), send nothing meanwhile, then restart.
 
-        With the option "no action" the reset itself ends the pulses.
+        With the option "no action" the pulses end at once.
         """
         self._lose_connection(ConnectionLoss.RESET_APPLICATION)
         if self.dictionary.get(od.ABORT_CONNECTION_OPTION) == AbortConnection.NO_ACTION:
@@ -143,11 +143,6 @@ class AxisNode:
         self._change_nmt_state(NmtState.INITIALISING)
         self._resetting = True
 
-    def _end_reset(self) -> None:
-        self._resetting = False
-        self._reset_application()
-        self._reset_communication()
-
     def _change_nmt_state(self, target: NmtState) -> None:
         if target is not self.nmt_state:
             self.nmt_state = target
@@ -155,7 +150,7 @@ class AxisNode:
             self.process_data.invalidate()
 
     def _reset_application(self) -> None:
-        """Lose everything that a power cycle would lose, except the position of a standing axis."""
+        """Reset the application as by a power cycle. An axis at standstill keeps its position."""
         self.drive.reset()
         self.dictionary.reset(first_index=0x2000)
         self.drive.settings.apply()
@@ -181,7 +176,7 @@ class AxisNode:
         self._send(Service.NMT, COB_HEARTBEAT + self.node_id, bytes((NmtState.INITIALISING,)))
 
     def _take_node_id(self) -> None:
-        """Take the node id that a master has given by LSS; COB-IDs that have been stored keep theirs."""
+        """Use the node id that a master has set by LSS. Stored COB-IDs do not change."""
         self.node_id = self._lss.active_id = self._lss.pending_id
         self._context.board.node_ids[self.axis] = self.node_id
         self.dictionary.renumber(self.node_id)
@@ -190,7 +185,7 @@ class AxisNode:
     # --- frames in
 
     def on_lss(self, data: bytes, now_us: int) -> None:
-        """Obey a request of an LSS master, in every NMT state."""
+        """Obey a request of an LSS master in any NMT state."""
         self._context.now_us = now_us
         answer = self._lss.handle(data, now_us)
         if answer:
@@ -209,7 +204,7 @@ class AxisNode:
         self._end_call()
 
     def on_rpdo(self, number: int, data: bytes, now_us: int) -> None:
-        """Take process data, in OPERATIONAL only."""
+        """Receive process data, in OPERATIONAL only."""
         if self.nmt_state is not _OPERATIONAL:
             return
         context = self._context
@@ -223,13 +218,13 @@ class AxisNode:
         if pdo.timeout_us:
             pdo.deadline_us = now_us + pdo.timeout_us
             self._note_deadline(pdo.deadline_us)
-        if context.touched:  # most frames are PVT records, which change nothing that is sent at once
+        if context.touched:  # false for most frames: a PVT record changes nothing that is sent at once
             self._end_call()
 
     def on_sync(self, data: bytes, now_us: int) -> None:
         """Apply the RPDOs latched for SYNC, then send the TPDOs that this SYNC triggers; both in OPERATIONAL only.
 
-        The SYNC object itself is alive in PRE-OPERATIONAL, too (CiA 301, table 38): its length is checked there.
+        SYNC is also active in PRE-OPERATIONAL (CiA 301, table 38), so its length is checked there.
         """
         if self.nmt_state in _SILENT:
             return
@@ -254,13 +249,13 @@ class AxisNode:
 
     @property
     def heartbeat_producers(self) -> list[int]:
-        """The node ids whose heartbeats this node listens to."""
+        """Node ids of the monitored heartbeats."""
         return self._heartbeats.producers
 
     def on_heartbeat(self, producer_id: int, data: bytes, now_us: int) -> None:
-        """Take another node's heartbeat, in every NMT state; a producer that returns resolves its error.
+        """Receive another node's heartbeat in any NMT state; a producer that is back resolves its error.
 
-        While the drive is in fault the error stays active until the fault reset.
+        If the drive is in fault, the error stays active until the fault reset.
         """
         self._context.now_us = now_us
         if self._heartbeats.receive(producer_id, data, now_us) and self.drive.state not in _FAULT_STATES:
@@ -271,9 +266,9 @@ class AxisNode:
             self._note_deadline(self._heartbeats.due_us)
 
     def _note_deadline(self, deadline_us: int) -> None:
-        """Schedule the next poll again, if a deadline is earlier.
+        """Schedule the next poll for a deadline, if that is earlier.
 
-        A frame usually moves its deadline later. Then `due_us` stays, and `poll` schedules again when it comes.
+        A frame usually moves its deadline to a later time. Then `due_us` stays, and that poll schedules again.
         """
         if self.due_us is None or deadline_us < self.due_us:
             self._set_due_time()
@@ -281,7 +276,7 @@ class AxisNode:
     # --- errors of the bus
 
     def _watch_connection(self) -> None:
-        """Report the heartbeat producers that have fallen silent, and the RPDOs that are late."""
+        """Report lost heartbeat producers and late RPDOs."""
         if self.nmt_state is NmtState.OPERATIONAL:
             for number, pdo in enumerate(self.process_data.receive_pdos, start=1):
                 if pdo.timed_out(self._context.now_us):
@@ -293,7 +288,7 @@ class AxisNode:
             self.connection_loss = ConnectionLoss.HEARTBEAT
 
     def abort_connection(self, loss: ConnectionLoss, now_us: int) -> None:
-        """React to a time-out by which the master is lost, after the polls of all nodes."""
+        """React to a time-out that means a lost master; called after the polls of all nodes."""
         self._context.now_us = now_us
         self.connection_loss = None
         self._lose_connection(loss)
@@ -306,9 +301,9 @@ class AxisNode:
         self._end_call()
 
     def _lose_connection(self, loss: ConnectionLoss) -> None:
-        """Obey the abort connection option code (6007h), then, for an error of the bus, the error behaviour (1029h).
+        """Apply the abort connection option code (6007h) and, after a bus error, the error behaviour (1029h).
 
-        The option code acts on the drive; the error behaviour decides whether the node leaves OPERATIONAL.
+        The option code acts on the drive. The error behaviour determines the NMT state.
         """
         effect, get = LOSS_EFFECTS[loss], self.dictionary.get
         if get(od.ABORT_CONNECTION_OPTION) == AbortConnection.FAULT_SIGNAL:
@@ -321,7 +316,7 @@ class AxisNode:
     def on_can_error(self, code: ErrorCode, now_us: int, *, active: bool) -> None:
         """Report an error of the board's CAN controller, or its end, by EMCY.
 
-        That of a bus-off ends with the fault reset if the drive is in fault.
+        If the drive is in fault, the error of a bus-off ends with the fault reset.
         """
         self._context.now_us = now_us
         if active:
@@ -334,26 +329,28 @@ class AxisNode:
 
     @contextmanager
     def drive_at(self, now_us: int) -> Iterator[AxisDrive]:
-        """Let the caller act on the drive, then report the changes."""
+        """Yield the drive for actions of the caller, then report the changes."""
         self._context.now_us = now_us
         yield self.drive
         self._end_call()
 
     def report_changes(self, now_us: int) -> None:
-        """Report what has changed outside this node, for example by a halt of its group."""
+        """Report changes whose cause is outside of this node, such as a halt of its group."""
         self._context.now_us = now_us
         self._end_call()
 
     def statusword(self) -> int:
-        """Return the statusword (6041h): the drive's bits, and whether the node obeys controlwords by PDO."""
+        """Return the statusword (6041h): the drive's bits, and "remote" if the node obeys controlwords by PDO."""
         return self.drive.statusword() | (Status.REMOTE if self.nmt_state is NmtState.OPERATIONAL else 0)
 
     # --- frames out
 
     def _end_call(self) -> None:
-        """End a call: pass on changed PDO parameters, note a changed statusword, schedule the next poll."""
+        """End a call: apply changed PDO parameters, announce a changed statusword, schedule the next poll."""
         if self._resetting and not self._motion.running:
-            self._end_reset()
+            self._resetting = False
+            self._reset_application()
+            self._reset_communication()
         if self.process_data.refresh(self._context.now_us) or self._heartbeats.changed:
             if self._heartbeats.changed:
                 self._charge.watch_changed()
@@ -386,7 +383,7 @@ class AxisNode:
         self.due_us = min(known) if known else None
 
     def poll(self, now_us: int) -> None:
-        """Do the work that is due: the drive's, then heartbeat, EMCY and event-driven TPDOs."""
+        """Do the work that is due: the drive, then heartbeat, EMCY and event-driven TPDOs."""
         self._context.now_us = now_us
         if self.drive.poll(now_us):
             self._end_call()
@@ -397,7 +394,10 @@ class AxisNode:
             self._send(Service.NMT, COB_HEARTBEAT + self.node_id, bytes((self.nmt_state,)))
         self._outbox.poll(now_us)
         if self.nmt_state not in _SILENT:
-            self._send_emergency(now_us)
+            if not self._outbox.has_room(Service.EMCY):  # try again later: no EMCY is lost
+                self._errors.postpone(now_us + _RETRY_US)
+            elif emergency := self._errors.next_frame(now_us):
+                self._outbox.send(Service.EMCY, emergency, now_us)
         if self.nmt_state is NmtState.OPERATIONAL:
             for number, pdo in enumerate(self.process_data.transmit_pdos):
                 frame = pdo.poll(now_us) if pdo.exists else None
@@ -407,10 +407,3 @@ class AxisNode:
 
     def _send(self, service: Service, cob_id: int, data: bytes) -> None:
         self._outbox.send(service, Frame(cob_id, data), self._context.now_us)
-
-    def _send_emergency(self, now_us: int) -> None:
-        """Send the EMCY that is due, or try again later if too many of this node wait for the bus: none is lost."""
-        if not self._outbox.has_room(Service.EMCY):
-            self._errors.postpone(now_us + _RETRY_US)
-        elif emergency := self._errors.next_frame(now_us):
-            self._outbox.send(Service.EMCY, emergency, now_us)

@@ -1,7 +1,7 @@
-"""Pass the settings of driver and steps from the object dictionary to the TB6560's static inputs and the motion.
+"""Apply the driver settings of the object dictionary to the TB6560's static inputs and the motion.
 
-The driver objects (2000h) set excitation mode, torque, decay and rest torque; with the step timing (2001h), the speed
-limit and the polarity they make the step configuration.
+The driver objects (2000h) set excitation mode, torque, decay and standstill torque. Microsteps, step timing (2001h),
+speed limit and polarity are the step configuration.
 """
 
 from dataclasses import replace
@@ -23,9 +23,9 @@ _STEP_ENTRIES: Final = (
     od.POLARITY,
     od.INVERT_MASK,
 )
-"""The entries that say how steps are made, in the order of `StepConfig`'s fields after the microsteps."""
+"""Entries of the step configuration, in the order of `StepConfig`'s fields after the microsteps."""
 IDLE_AFTER_US: Final = 500_000
-"""Time that an axis must stand before its torque is lowered to the rest torque (2000h:04)."""
+"""Time at standstill after which the torque is lowered to the standstill torque (2000h:04)."""
 _BYTE_MAX: Final = 255
 _CHOICES: Final = {
     od.MICROSTEPS: od.MICROSTEPS_CHOICES,
@@ -33,7 +33,7 @@ _CHOICES: Final = {
     od.INVERT_MASK: (0, INVERT_DIR),
     od.POLARITY: (0, REVERSED),  # position and velocity can only be reversed together
 }
-"""The values allowed while the driver is off; while it is on the state is the reason for refusing any."""
+"""Values allowed while the driver is off. While it is on, every change is refused because of the drive's state."""
 
 
 class DriverSettings:
@@ -47,15 +47,15 @@ class DriverSettings:
         self._records = records
         self._idle = False
         self.due_us: int | None = None
-        """Time when a standing axis' torque is lowered; None if that has happened or does not apply."""
+        """Instant at which the torque is lowered at standstill; None if it is lowered already, or in motion."""
         context.dictionary.bind(self)
 
     def change_at(self, address: int, value: int) -> None:
-        """Reconfigure the steps while the driver is off: a TB6560 changes its mode only in reset (page 15).
+        """Change the step configuration while the driver is off: a TB6560 changes its mode only in reset (page 15).
 
-        Drop the records that wait: they were accepted within the old limits. The speed limit (607Fh) may change while
-        the driver is on: from the next set-point on, and for a stream of records or set-points when it has ended. A
-        PDO may repeat it: the same limit again drops nothing.
+        Drop the queued records, because they were accepted with the old limits. Only the speed limit (607Fh) may change
+        while the driver is on: it acts from the next set-point on; for a stream of records or set-points, after its
+        end. A PDO may repeat the same limit: that drops nothing.
         """
         if address == od.MAX_PROFILE_VELOCITY and value == self._dictionary.get(address):
             return
@@ -81,7 +81,7 @@ class DriverSettings:
         return self._motion.config.microsteps
 
     def apply(self, changes: dict[int, int] | None = None) -> None:
-        """Configure the motion and the driver as the dictionary says; `changes` holds values that are being written."""
+        """Configure motion and driver from the dictionary and `changes`, values that are not stored yet."""
         changes, get = changes or {}, self._dictionary.get
         word = changes.get(od.MICROSTEPS_WORD, self._dictionary.cell(od.MICROSTEPS_WORD).value)
         microsteps = word if word > _BYTE_MAX else changes.get(od.MICROSTEPS, get(od.MICROSTEPS))
@@ -91,9 +91,9 @@ class DriverSettings:
         self._motion.configure(config)
 
     def _select_microsteps(self, microsteps: int) -> None:
-        """Select another excitation mode; its reset turns the rotor to that mode's initial angle, uncounted.
+        """Select an excitation mode by a reset, which turns the rotor to the mode's initial angle without counting.
 
-        A TB6560 has no mode for some: they are those of drivers with switches of their own.
+        Some microsteps are no modes of a TB6560; they belong to drivers with switches of their own.
         """
         self._pins.set(Pin.RESET, 0)
         self._set(Pin.M2, Pin.M1, MODE_LEVELS.get(microsteps, (0, 0)))
@@ -101,7 +101,7 @@ class DriverSettings:
         self._reference.lose()
 
     def settle(self, now_us: int, *, moving: bool) -> None:
-        """Set torque and decay at the end of a call; full torque while moving, rest torque after IDLE_AFTER_US."""
+        """Set torque and decay at the end of a call: full torque in motion, standstill torque after IDLE_AFTER_US."""
         get = self._dictionary.get
         if moving:
             self._idle, self.due_us = False, None
@@ -111,7 +111,7 @@ class DriverSettings:
         self._set(Pin.DCY2, Pin.DCY1, DECAY_LEVELS[get(od.FAST_DECAY_PERCENT)])
 
     def poll(self, now_us: int) -> None:
-        """Choose the rest torque if it is due; `settle` then sets the pins."""
+        """Select the standstill torque if it is due; `settle` then sets the pins."""
         if self.due_us is not None and self.due_us <= now_us:
             self._idle, self.due_us = True, None
 

@@ -1,6 +1,6 @@
 """The board's firmware as one object: up to eight axis nodes on one motion kernel.
 
-`receive` takes a frame and `advance` lets time pass; every call is told the time in 72 MHz counts since boot. The
+`receive` processes a frame and `advance` advances time. Every call receives the time in 72 MHz counts since boot. The
 caller fetches the results: frames by `transmit.take`, pin changes by `take_pins`, pulse edges by `motion.take_edges`.
 """
 
@@ -36,13 +36,13 @@ from steptwin.protocol.nmt import command_for
 from steptwin.protocol.timer import COUNTS_PER_US
 
 AXES_MAX: Final = 8
-"""Two 16-bit timers with four compare channels each, on an STM32F103 with CAN in use."""
+"""Axes of a board: an STM32F103 with CAN has two free 16-bit timers with four compare channels each."""
 
 Handler = Callable[[bytes, int], None]
 
 
 class FaultCause(NamedTuple):
-    """An error that an axis must stop for."""
+    """An error for which an axis must stop."""
 
     code: ErrorCode
     detail: int
@@ -54,9 +54,9 @@ _EVENT_FAULTS = {AxisEvent.UNDERRUN: ErrorCode.PVT_UNDERRUN, AxisEvent.LATE_STEP
 class Firmware:
     """Everything that runs on the board's microcontroller.
 
-    The axes that interpolate form one group. It is halted while bit 8 of the controlword is set for any axis in the
-    mode interpolated position, in any state of that axis' drive: the others do not resume because one has ended or
-    has a fault. Otherwise it runs at the rate that was wanted last (2010h:03).
+    The interpolating axes form one group. The group halts while bit 8 of the controlword is set for any axis in the
+    mode interpolated position, in any state of its drive: the end or a fault of one axis does not let the others
+    resume. Otherwise the group runs at the requested rate (2010h:03).
     """
 
     def __init__(
@@ -66,13 +66,13 @@ class Firmware:
         flash: list[FlashPage] | None = None,
         first_node_id: int = FIRST_NODE_ID,
     ) -> None:
-        """Set the board up.
+        """Power up.
 
         Args:
-            kernel: the functions that compute the motion.
+            kernel: functions that compute the motion.
             axis_count: number of axes, 1 to 8.
-            flash: a page for each axis, read at boot and written when the host stores parameters.
-            first_node_id: node id of the first axis; the next axes have the next ids. LSS may give them others.
+            flash: one page for each axis, read at boot and written when the host stores parameters.
+            first_node_id: default node id of the first axis; the other axes have the next ids. LSS may change them.
 
         Raises:
             ValueError: the number of axes or a node id is out of range.
@@ -85,11 +85,11 @@ class Firmware:
         pages: list[FlashPage] = [FlashPage() for _ in range(axis_count)] if flash is None else flash
         self._measurements = BoardReadings()
         self._trips: dict[int, list[FaultCause]] = {}
-        """The axes that request the fault reaction, and their errors."""
+        """Axes that request the fault reaction, with their errors."""
         self.transmit: TransmitQueue = TransmitQueue()
-        """The frames that wait for a mailbox of the CAN controller."""
+        """Frames that wait for a mailbox of the CAN controller."""
         self.bit_timing: BitTiming = BitTiming(pages)
-        """The bit rate that the CAN controller is to have."""
+        """Bit rate that the CAN controller must have."""
         self._inputs = [DigitalInput(0)] * axis_count
         factory_ids = range(first_node_id, first_node_id + axis_count)
         board = BoardContext(
@@ -106,17 +106,17 @@ class Firmware:
             AxisNode(axis, factory_ids[axis], page, board) for axis, page in enumerate(pages)
         )
         self.dropped_frames: int = 0
-        """Number of frames whose COB-ID no node listens to."""
+        """Number of received frames whose COB-ID no node uses."""
         self.pins: list[PinChange] = []
         """Pin changes since the last `take_pins`."""
         self._routes: dict[int, list[tuple[AxisNode, Handler]]] = {}
         self._dues_us: list[int | None] = [None] * axis_count
-        """Time of each node's next poll, as last collected."""
+        """Time of each node's next poll."""
         self.due_counts: int | None = None
-        """The earliest of these: time passes in small steps, and asking every node at each would be slow."""
+        """Earliest next poll of any node, stored because a search at each small time step would be slow."""
 
     def boot(self, now_counts: int) -> None:
-        """Power up: release the drivers from reset, announce the nodes."""
+        """Boot: release the drivers from reset and announce the nodes."""
         for node in self.nodes:
             node.boot(now_counts // COUNTS_PER_US)
             self._fetch_from(node, now_counts)
@@ -124,7 +124,7 @@ class Firmware:
     # --- frames in
 
     def receive(self, frame: Frame, now_counts: int) -> None:
-        """Take one frame from the bus. No frame raises an error, whatever it holds."""
+        """Process one frame from the bus. No frame raises an exception, whatever its content."""
         cob_id, data = frame
         routes = self._routes.get(cob_id)
         if routes is not None:
@@ -132,46 +132,43 @@ class Firmware:
                 handler(data, now_counts // COUNTS_PER_US)
                 self._fetch_from(node, now_counts)
         elif cob_id == COB_NMT:
-            self._on_nmt(data, now_counts)
+            for node in self.nodes:
+                command = command_for(data, node.node_id)
+                if command is not None:
+                    node.on_nmt(command, now_counts // COUNTS_PER_US)
+                    self._fetch_from(node, now_counts)
         else:
             self.dropped_frames += 1
         if self._trips or self.motion.group.must_ramp:
             self._end_call(now_counts)
 
     def hears(self, cob_id: int) -> bool:
-        """Return whether the CAN controller's filters pass a COB-ID: NMT, SYNC, LSS and those of the nodes' services.
+        """Return whether the CAN controller's filters pass a COB-ID: NMT, SYNC, LSS or a service of the nodes.
 
-        By default these are blocks of eight COB-IDs, with a mask for each block; bxCAN's 14 filter banks hold 28 masks
-        or 56 identifiers (RM0008, section 24.7.4).
+        By default these are blocks of eight COB-IDs with one mask each. The 14 filter banks of bxCAN hold 28 masks or
+        56 identifiers (RM0008, section 24.7.4).
         """
         return cob_id in self._routes or cob_id == COB_NMT
 
     def on_can_error(self, code: ErrorCode, now_counts: int, *, active: bool) -> None:
         """Report an error of the CAN controller, or its end, by an EMCY of every node.
 
-        To a master each node is a device of its own, with its own error register (CiA 301, section 7.2.7). All of them
-        share the controller, and a lost message may have been for any of them.
+        For a master each node is a device with its own error register (CiA 301, section 7.2.7). All nodes share the
+        controller, and a lost frame may have been for any of them.
         """
         for node in self.nodes:
             node.on_can_error(code, now_counts // COUNTS_PER_US, active=active)
             self._fetch_from(node, now_counts)
 
     def on_bus_off(self, now_counts: int) -> None:
-        """Let every node react to the bus-off of the CAN controller: none can hear its master."""
+        """Let every node react to the bus-off of the CAN controller: all of them have lost their master."""
         for node in self.nodes:
             node.on_bus_off(now_counts // COUNTS_PER_US)
             self._fetch_from(node, now_counts)
         self._end_call(now_counts)
 
-    def _on_nmt(self, data: bytes, now_counts: int) -> None:
-        for node in self.nodes:
-            command = command_for(data, node.node_id)
-            if command is not None:
-                node.on_nmt(command, now_counts // COUNTS_PER_US)
-                self._fetch_from(node, now_counts)
-
     def _route(self) -> None:
-        """List the services that take each COB-ID; called again whenever a node's COB-IDs change."""
+        """List the handlers of each COB-ID; called whenever a node's COB-IDs have changed."""
         self._routes = {
             COB_LSS_REQUEST: [(node, node.on_lss) for node in self.nodes],
             COB_SYNC: [(node, node.on_sync) for node in self.nodes],
@@ -193,7 +190,7 @@ class Firmware:
     # --- inputs
 
     def set_inputs(self, inputs: Sequence[DigitalInput], now_counts: int) -> None:
-        """Set the input levels of all axes, as of the servo tick that begins now."""
+        """Set the input levels of all axes at the start of the present servo tick."""
         self._inputs[:] = inputs
         for node, levels in zip(self.nodes, inputs, strict=True):
             with node.drive_at(now_counts // COUNTS_PER_US) as drive:
@@ -207,7 +204,7 @@ class Firmware:
         self._measurements.supply_10mv = supply_10mv
         self._measurements.temperature_decidegc = temperature_decidegc
         for node in self.nodes:
-            if node.drive.state is not State.NOT_READY_TO_SWITCH_ON:  # a board that is down does not look
+            if node.drive.state is not State.NOT_READY_TO_SWITCH_ON:  # a board that is down checks nothing
                 with node.drive_at(now_counts // COUNTS_PER_US) as drive:
                     drive.measured()
                 self._fetch_from(node, now_counts)
@@ -216,10 +213,10 @@ class Firmware:
     # --- time forward
 
     def advance(self, until_counts: int) -> int:
-        """Let time pass until `until_counts`, or until the caller must act; return the instant reached.
+        """Advance time to `until_counts`, or until the caller must act; return the instant reached.
 
-        At an earlier instant either frames or pin changes may be waiting, or the edges must be drained
-        (`motion.room_ticks` is 0).
+        If that is earlier, frames or pin changes may be waiting, or the edges must be drained (`motion.room_ticks` is
+        0).
         """
         motion = self.motion
         if not motion.events and motion.tick * TICK_COUNTS < until_counts:
@@ -235,23 +232,21 @@ class Firmware:
     def poll(self, now_counts: int) -> None:
         """Do the work of the nodes that is due by now."""
         if self.due_counts is not None and self.due_counts <= now_counts:
-            self._poll_nodes(now_counts // COUNTS_PER_US, now_counts)
+            now_us = now_counts // COUNTS_PER_US
+            for node in self.nodes:
+                if node.due_us is not None and node.due_us <= now_us:
+                    node.poll(now_us)
+                    self._fetch_from(node, now_counts)
+            for node in self.nodes:
+                if node.connection_loss is not None:
+                    node.abort_connection(node.connection_loss, now_us)
+                    self._fetch_from(node, now_counts)
         if self._trips:
             self._end_call(now_counts)
 
-    def _poll_nodes(self, now_us: int, now_counts: int) -> None:
-        for node in self.nodes:
-            if node.due_us is not None and node.due_us <= now_us:
-                node.poll(now_us)
-                self._fetch_from(node, now_counts)
-        for node in self.nodes:
-            if node.connection_loss is not None:
-                node.abort_connection(node.connection_loss, now_us)
-                self._fetch_from(node, now_counts)
-
     @property
     def next_due_counts(self) -> int | None:
-        """The next known instant when the board has work to do without a frame or an input."""
+        """Next instant at which the board has work without a frame or an input."""
         due_counts = self.due_counts
         if not self.motion.events:
             return due_counts
@@ -274,7 +269,7 @@ class Firmware:
         self._end_call(now_counts)
 
     def _end_call(self, now_counts: int) -> None:
-        """End a call: stop the axes that have tripped, then let the group's rate change."""
+        """End a call: stop the axes that have tripped, then change the group's rate."""
         group = self.motion.group
         if not (self._trips or group.must_ramp):
             return
@@ -289,13 +284,13 @@ class Firmware:
     # --- faults
 
     def _trip(self, axis: int, code: ErrorCode, detail: int = 0) -> None:
-        """Note that an axis requests the fault reaction (see `Trip`)."""
+        """Record an axis' request for the fault reaction (see `Trip`)."""
         self._trips.setdefault(axis, []).append(FaultCause(code, detail))
 
     def _stop_tripped(self, now_us: int) -> None:
-        """Stop the axes that have tripped. If group stop (2010h:01) is set for one, stop all that move in step with it.
+        """Stop the axes that have tripped; if group stop (2010h:01) is set for one, stop its whole group.
 
-        All axes ramp down in the same time: so the tool leaves the path along its tangent instead of turning away.
+        All axes ramp down in the same time, so the tool leaves the path along the tangent.
         """
         while self._trips:
             trips, self._trips = self._trips, {}
@@ -316,7 +311,7 @@ class Firmware:
     # --- out
 
     def _fetch_from(self, node: AxisNode, now_counts: int) -> None:
-        """Fetch a node's pin changes, follow its COB-IDs, note the time of its next poll."""
+        """Fetch a node's pin changes, its COB-IDs and the time of its next poll."""
         if node.routes_changed:
             self._route()
         if node.due_us != self._dues_us[node.axis]:
@@ -327,7 +322,7 @@ class Firmware:
             self._switch_pins(node, now_counts)
 
     def _switch_pins(self, node: AxisNode, now_counts: int) -> None:
-        """Time a node's pin changes: those of the driver wait for the end of the last pulse already placed."""
+        """Set the instants of a node's pin changes: a driver's pins wait for the end of the last pulse placed."""
         driver_counts = max(now_counts, self.motion.axes[node.axis].last_fall_counts)
         for pin, level in node.pins.changes:
             counts = now_counts if pin in OUTPUT_PINS else driver_counts

@@ -1,11 +1,11 @@
-"""The layer setting services of one axis (CiA 305): a master finds it by its identity, gives it node id and bit rate.
+"""The layer setting services of one axis (CiA 305): a master finds the node and sets its node id and bit rate.
 
-In the state "waiting" the node answers what finds it; in "configuration" it is asked and set. A fast scan finds nodes
-that have no node id (FFh). A node id is in force from the next reset of communication on; a node that had none enters
-the bus with it as soon as it is switched to "waiting". "Store" keeps it in the flash page of the axis.
+In the state "waiting" the node answers identification requests; in "configuration" a master reads and sets it. A fast
+scan finds nodes without node id (FFh). A new node id is valid from the next reset of communication on; a node that had
+none uses it as soon as it is switched to "waiting". "Store" saves it in the flash page of the axis.
 
-The bit rate is the board's, whose axes share one CAN controller: what a master configures or stores at one of them
-holds for all.
+All axes of a board share one CAN controller. So a bit rate that a master configures or stores at one axis is valid for
+all.
 """
 
 from collections.abc import Callable, Sequence
@@ -51,7 +51,7 @@ _INQUIRE: Final = (
 
 
 class LssState(Enum):
-    """What a master does with the node."""
+    """LSS state of the node."""
 
     WAITING = 0
     CONFIGURATION = 1
@@ -60,44 +60,44 @@ class LssState(Enum):
 class BitTiming:
     """The bit rate of a board's CAN controller.
 
-    "Activate" makes the controller silent for a delay, gives it the configured rate, and lets it send after the same
-    delay again: meanwhile the other stations of the bus change their rates, too.
+    "Activate" silences the controller for a delay, then changes its rate, and lets it send after another such delay. In
+    this time the other stations of the bus change their rates, too.
     """
 
     def __init__(self, pages: Sequence[FlashPage]) -> None:
-        """Power up; `pages` of all axes keep the rate."""
+        """Power up with the flash pages of all axes, which store the rate."""
         self._pages = pages
         self.bitrate: int | None = pages[0].bitrate
-        """The controller's rate, in bit/s; None: that for which the board was made."""
+        """Bit rate of the controller, in bit/s; None for the default of the board."""
         self.silent: bool = False
         """True while the controller must be off the bus."""
         self.due_us: int | None = None
-        """Time when `poll` has something to do; None: never."""
+        """Time of the next call of `poll`; None if no change is in progress."""
         self.on_change: Callable[[], None] = lambda: None
         """Called when `bitrate` or `silent` has changed."""
         self._configured = self.bitrate
         self._delay_us = 0
         self._changed = False
-        """True from the change of the rate on, until the controller is no longer silent."""
+        """True after the change of the rate, until the controller may send again."""
 
     def configure(self, bitrate: int) -> None:
-        """Take the rate that the next `activate` or `store` is about."""
+        """Set the rate that the next `activate` or `store` uses."""
         self._configured = bitrate
 
     def store(self) -> None:
-        """Keep the configured rate for the next power-up, whichever axis is asked for it then."""
+        """Store the configured rate in the flash pages of all axes, for the next power-up."""
         for page in self._pages:
             page.bitrate = self._configured
 
     def activate(self, delay_us: int, now_us: int) -> None:
-        """Begin to change the rate; a change that is under way goes on."""
+        """Begin to change the rate, unless a change is already in progress."""
         if self.due_us is None:
             self.silent, self._changed = True, False
             self._delay_us, self.due_us = delay_us, now_us + delay_us
             self.on_change()
 
     def poll(self, now_us: int) -> None:
-        """Change the rate, or end the silence, if it is time."""
+        """Change the rate, or let the controller send again, if that is due."""
         if self.due_us is None or now_us < self.due_us:
             return
         if self._changed:
@@ -109,7 +109,7 @@ class BitTiming:
 
 
 class LssSlave:
-    """The state of one node towards an LSS master."""
+    """The LSS side of one node."""
 
     def __init__(
         self,
@@ -119,32 +119,32 @@ class LssSlave:
         timing: BitTiming,
         busy: Callable[[], bool],
     ) -> None:
-        """Set the services up.
+        """Power up.
 
         Args:
-            identity: vendor, product, revision and serial number, as 1018h has them.
-            node_id: node id of an axis whose page stores none.
-            page: keeps the node id.
-            timing: the board's bit rate.
-            busy: true while writing flash would disturb the board.
+            identity: vendor, product, revision and serial number (1018h).
+            node_id: default node id, if the page stores none.
+            page: stores the node id.
+            timing: bit rate of the board.
+            busy: returns true while a flash write would disturb the motion.
         """
         self._identity = identity
         self._page = page
         self._timing = timing
         self._now_us = 0
-        """Time of the request being obeyed."""
+        """Time of the present request."""
         self._busy = busy
         self.state: LssState = LssState.WAITING
         self.pending_id: int = node_id if page.node_id is None else page.node_id
-        """The node id from the next reset of communication on."""
+        """Node id from the next reset of communication on."""
         self.active_id: int = self.pending_id
         self._matched: list[int] = []
-        """Numbers of the parts that a selection or an identification has matched so far, in order."""
+        """Numbers of the parts that have matched in a selection or identification, in order."""
         self._scanned_part = 0
-        """The part of the identity that a fast scan is at."""
+        """Part of the identity that a fast scan compares next."""
 
     def handle(self, data: bytes, now_us: int) -> bytes | None:
-        """Obey a request; return the answer, None if there is none."""
+        """Obey a request; return its answer, or None."""
         self._now_us = now_us
         request = decode_request(data)
         if request is None:
@@ -156,7 +156,7 @@ class LssSlave:
 
     @property
     def joins(self) -> bool:
-        """True for a node without node id that has got one and now enters the bus with it."""
+        """True if a node without node id has got one and must now start to use it."""
         waiting = self.state is LssState.WAITING
         return waiting and self.active_id == UNCONFIGURED and self.pending_id != UNCONFIGURED
 
@@ -187,7 +187,7 @@ class LssSlave:
         return encode_answer(LssCommand.IDENTIFIED) if complete else None
 
     def _match(self, part: int, *, matches: bool, parts: int) -> bool:
-        """Note whether a part matches; return True once all have, in their order."""
+        """Record whether a part matches; return True when all parts have matched in order."""
         if part == 0:
             self._matched = []
         if not matches or part != len(self._matched):
@@ -227,7 +227,7 @@ class LssSlave:
         return encode_answer(request.command, bytes((error,)))
 
     def _configure_bit_timing(self, request: LssRequest) -> bytes:
-        """Take one of the rates of CiA 305's own table, which is table 0."""
+        """Configure a rate of table 0, the bit timing table of CiA 305."""
         bitrate = BIT_TIMINGS.get(request.second_byte) if request.byte == 0 else None
         if bitrate is None:
             return encode_answer(request.command, bytes((ConfigureError.REFUSED,)))
@@ -264,4 +264,4 @@ class LssSlave:
         **dict.fromkeys(_INQUIRE, ((LssState.CONFIGURATION,), _tell_identity)),
         LssCommand.INQUIRE_NODE_ID: ((LssState.CONFIGURATION,), _tell_node_id),
     }
-    """The states in which each request is obeyed, and what obeys it."""
+    """For each command, the states in which it is obeyed, and its handler."""

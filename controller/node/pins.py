@@ -1,4 +1,4 @@
-"""The pins that the firmware sets to a level; CLK and DIR come as edges (see `motion`)."""
+"""Pins that the firmware sets to a level. (`motion` makes the edges of CLK and DIR.)"""
 
 from enum import StrEnum
 from typing import NamedTuple
@@ -7,7 +7,7 @@ from steptwin.protocol.cia402 import DigitalOutput
 
 
 class Pin(StrEnum):
-    """One pin of an axis: an input of its TB6560, or a digital output at its connector."""
+    """A pin of one axis: an input of its TB6560, or a digital output at its connector."""
 
     RESET = "RESET"
     ENABLE = "ENABLE"
@@ -22,7 +22,7 @@ class Pin(StrEnum):
 
 
 class PinChange(NamedTuple):
-    """A pin of one axis changes to a level, at an instant in timer counts since boot."""
+    """A change of one pin's level, at an instant in timer counts since boot."""
 
     counts: int
     axis: int
@@ -31,7 +31,7 @@ class PinChange(NamedTuple):
 
 
 OUTPUT_PINS = {Pin.OUT1: DigitalOutput.OUT1, Pin.OUT2: DigitalOutput.OUT2}
-"""The pins that follow the digital outputs object (60FEh), with their bits in it."""
+"""Digital output pins, and their bits in the digital outputs object (60FEh)."""
 
 MODE_LEVELS = {1: (0, 0), 2: (0, 1), 8: (1, 1), 16: (1, 0)}
 """Levels of M2 and M1 by microsteps per full step (TB6560AHQ datasheet of 2014-10-01, page 9)."""
@@ -42,7 +42,7 @@ DECAY_LEVELS = {0: (0, 0), 25: (0, 1), 50: (1, 0), 100: (1, 1)}
 
 
 class AxisPins:
-    """The levels of one axis' pins, and their changes until the firmware fetches them."""
+    """Levels of one axis' pins, and the changes that the firmware has not fetched yet."""
 
     def __init__(self) -> None:
         self._levels = dict.fromkeys(Pin, 0)
@@ -59,6 +59,6 @@ class AxisPins:
             self.changes.append((pin, level))
 
     def switch_outputs(self, outputs: int) -> None:
-        """Set the digital outputs (60FEh), in any drive state. No fault resets them: a gripper must hold its load."""
+        """Set the digital outputs (60FEh) in any drive state. Faults do not reset them: a gripper keeps its load."""
         for pin, bit in OUTPUT_PINS.items():
             self.set(pin, int(bool(outputs & bit)))

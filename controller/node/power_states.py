@@ -1,7 +1,6 @@
 """The CiA 402 power state machine of one axis, as one table (CiA 402, figure 2 and table 23).
 
-This module decides the state that follows a controlword. `AxisDrive` carries out what a transition does to motor and
-motion.
+This module determines the state after a controlword. `AxisDrive` executes the transitions: outputs and motion.
 """
 
 from enum import Enum
@@ -40,22 +39,22 @@ TRANSITIONS: dict[tuple[State, DriveCommand], State] = {
     (_OE, DriveCommand.QUICK_STOP): _QSA,  # 11
     (_QSA, DriveCommand.DISABLE_VOLTAGE): _SOD,  # 12
     (State.FAULT, DriveCommand.FAULT_RESET): _SOD,  # 15
-    (_QSA, DriveCommand.ENABLE_OPERATION): _OE,  # 16, only at rest: so with the option codes 5 to 8 only
+    (_QSA, DriveCommand.ENABLE_OPERATION): _OE,  # 16, only at standstill: with the option codes 5 to 8
 }
-"""Every transition that a controlword makes, with CiA 402's number.
+"""All transitions that a controlword causes, with their numbers in CiA 402.
 
 The drive makes 0 and 1 (boot), 12 (end of a quick stop) and 13 and 14 (fault and end of its reaction) by itself.
 """
 
 _STOPS: Final = (_SO, _RTSO, _QSA, _SOD)
-"""The states that a stop out of OPERATION ENABLED leads to, the nearest first."""
+"""States after a stop from OPERATION ENABLED, the nearest one first."""
 
 ENERGISED = frozenset((_SO, _OE, _QSA, State.FAULT_REACTION_ACTIVE))
-"""The states with the driver's outputs on: the motor holds its position."""
+"""States with the driver's outputs on: the motor holds its position."""
 
 
 def leads_further(target: State, stop: State) -> bool:
-    """Return whether a command leads further away from OPERATION ENABLED than the stop in progress."""
+    """Return whether `target` is further away from OPERATION ENABLED than `stop`, the stop in progress."""
     return target in _STOPS and _STOPS.index(target) > _STOPS.index(stop)
 
 
@@ -75,9 +74,9 @@ def command_of(controlword: int, previous: int) -> DriveCommand:
 
 
 def next_state(state: State, controlword: int, previous: int) -> State:
-    """Return the state that a controlword leads to; the same state if no transition belongs to the word.
+    """Return the state after a controlword; the present one if the word causes no transition.
 
-    A rising fault reset bit is a command in FAULT only; in other states the word's other bits count.
+    A rising fault reset bit acts in FAULT only. In other states the other bits of the word count.
     """
     command = command_of(controlword, previous)
     if command is DriveCommand.FAULT_RESET and state is not State.FAULT:

@@ -1,7 +1,7 @@
-"""The software position limits (607Dh, CiA 402-2): the host may move an axis between them.
+"""The software position limits (607Dh, CiA 402-2), between which the host may move an axis.
 
-They are positions as the position actual value (6064h) shows them, home offset included. After power-up they are the
-ends of the i32 range, which switches them off.
+They use the coordinates of the position actual value (6064h), home offset included. Their defaults, the ends of the i32
+range, switch them off.
 """
 
 from steptwin.controller.motion.kernel import I32_MAX
@@ -12,7 +12,7 @@ from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
 
 class SoftLimits:
-    """One axis' limits, read from the dictionary at every use."""
+    """The limits of one axis, read from the dictionary at every use."""
 
     def __init__(self, dictionary: ObjectDictionary) -> None:
         self._low = dictionary.cell(od.POSITION_LIMIT_MIN)
@@ -30,7 +30,7 @@ class SoftLimits:
             raise SdoAbortError(AbortCode.MAX_BELOW_MIN)
 
     def range(self) -> tuple[int, int]:
-        """Return the lowest and highest position allowed. The kernel's range is symmetric, so -2^31 is not."""
+        """Return the lowest and highest allowed position. -2^31 is never allowed: the kernel's range is symmetric."""
         low = self._low.value
         return -I32_MAX if low < -I32_MAX else low, self._high.value
 
@@ -43,9 +43,9 @@ class SoftLimits:
 def hull(
     start_units: int, velocity: int, displacement_units: int, end_velocity: int, duration_ms: int
 ) -> tuple[int, int]:
-    """Return the least and the greatest of a segment's Bernstein coefficients: p0, p0 + v0 T/3, p1 - v1 T/3, p1.
+    """Return the lowest and highest Bernstein coefficient of a segment: of p0, p0 + v0 T/3, p1 - v1 T/3 and p1.
 
-    They bound its positions, and are exact if the axis does not reverse within the segment.
+    They bound its positions. The bounds are exact if the axis does not reverse within the segment.
     """
     end_units = start_units + displacement_units
     after_units = start_units + velocity * duration_ms // (3 * VELOCITY_PER_UNIT_PER_MS)

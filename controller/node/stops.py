@@ -1,4 +1,4 @@
-"""Bring one axis to rest, by a ramp or at once; tables of CiA 402's option codes say how in each case."""
+"""Stop one axis, by a ramp or at once; tables hold the meaning of CiA 402's option codes."""
 
 from enum import Enum
 from typing import Final, NamedTuple
@@ -12,7 +12,7 @@ from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 
 class ConnectionLoss(Enum):
-    """An event that takes its master from a node."""
+    """An event by which a node loses its master."""
 
     HEARTBEAT = "a heartbeat that the node monitors is lost"
     BUS_OFF = "the board's CAN controller goes into bus-off"
@@ -23,12 +23,12 @@ class ConnectionLoss(Enum):
 
 
 class LossEffect(NamedTuple):
-    """What follows from an event, beside the option code's own choice.
+    """Consequences of a connection loss that do not depend on the option code.
 
     Attributes:
-        code: the error that the option "fault signal" reports.
-        detail: its detail.
-        by_error_behaviour: whether the error behaviour (1029h:01) decides the NMT state; else the event does.
+        code: error that the option "fault signal" reports.
+        detail: detail of the error.
+        by_error_behaviour: True if the error behaviour (1029h:01) determines the NMT state, False if the event does.
     """
 
     code: ErrorCode
@@ -44,20 +44,20 @@ LOSS_EFFECTS: Final = {
     ConnectionLoss.RESET_COMMUNICATION: LossEffect(ErrorCode.COMMUNICATION, NmtCommand.RESET_COMMUNICATION),
     ConnectionLoss.RESET_APPLICATION: LossEffect(ErrorCode.COMMUNICATION, NmtCommand.RESET_NODE),
 }
-"""By event; the errors of a lost heartbeat and a late RPDO are reported before, with node id and number as details."""
+"""Effects by event. Lost heartbeats and late RPDOs are reported before, with node id or PDO number as detail."""
 
 
 class StopKind(Enum):
-    """Kind of stop of an axis; the value is the address of the entry that holds the deceleration."""
+    """Kind of stop; the value is the address of the deceleration's entry."""
 
     CUT = None
-    """End the pulses at once. At speed the motor then coasts, and its position is unknown."""
+    """End the pulses at once. A moving motor coasts, and its position is then unknown."""
     SLOW_DOWN = od.PROFILE_DECELERATION
     QUICK_STOP = od.QUICK_STOP_DECELERATION
 
 
 class QuickStop(NamedTuple):
-    """Kind of a quick stop, and the state at its end."""
+    """Kind of a quick stop, and the state after it."""
 
     kind: StopKind
     end: State
@@ -70,7 +70,7 @@ QUICK_STOPS = {
     5: QuickStop(StopKind.SLOW_DOWN, State.QUICK_STOP_ACTIVE),
     6: QuickStop(StopKind.QUICK_STOP, State.QUICK_STOP_ACTIVE),
 }
-"""By the quick stop option code (605Ah); 3, 4, 7 and 8 stop by current and voltage limits, which a stepper lacks."""
+"""By the quick stop option code (605Ah). 3, 4, 7 and 8 need current or voltage limits, which a stepper lacks."""
 SHUTDOWNS = {0: StopKind.CUT, 1: StopKind.SLOW_DOWN}
 """By the shutdown option code (605Bh)."""
 DISABLES = {0: StopKind.CUT, 1: StopKind.SLOW_DOWN}
@@ -88,14 +88,14 @@ _FIXED_REACTIONS = {
 
 
 def fault_stop(code: ErrorCode, detail: int, option: int) -> StopKind:
-    """Return how an axis stops for an error: by its fault reaction option code, unless the error prescribes it."""
+    """Return how an axis stops for an error: as the error requires, or by the fault reaction option code."""
     if code is ErrorCode.TEMPERATURE and detail:  # the driver chip has switched itself off
         return StopKind.CUT
     return _FIXED_REACTIONS.get(code, FAULT_REACTIONS[option])
 
 
 class AxisStop:
-    """Stops one axis; an axis that is stopped at speed without a ramp loses its position reference."""
+    """Stops one axis. A stop without ramp in motion loses the position reference."""
 
     def __init__(self, context: AxisContext) -> None:
         self._motion = context.motion
@@ -103,7 +103,7 @@ class AxisStop:
         self._reference = context.reference
 
     def duration_ms(self, kind: StopKind) -> int:
-        """Return how long a stop from the present velocity takes: at least 1 ms, at most STOP_MAX_MS."""
+        """Return the duration of a stop from the present velocity: at least 1 ms, at most STOP_MAX_MS."""
         if kind.value is None:
             return 1
         velocity = abs(self._motion.velocity)
@@ -112,7 +112,7 @@ class AxisStop:
 
     @property
     def halt_kind(self) -> StopKind:
-        """The kind of stop that the halt option code (605Dh) selects."""
+        """Kind of stop that the halt option code (605Dh) selects."""
         return HALTS[self._dictionary.get(od.HALT_OPTION)]
 
     def halt_deceleration(self) -> int:
@@ -120,14 +120,14 @@ class AxisStop:
         return self._dictionary.get(self.halt_kind.value)
 
     def ramp_down(self, kind: StopKind, duration_ms: int | None = None) -> None:
-        """Stop with constant deceleration, within `duration_ms` if given; at once if the ramp leaves the i32 range."""
+        """Stop with constant deceleration, in `duration_ms` if given; at once if the ramp would leave the i32 range."""
         velocity = self._motion.velocity
         self._motion.stop(self.duration_ms(kind) if duration_ms is None else duration_ms)
         if velocity and not self._motion.running:
             self._reference.lose()
 
     def cut(self) -> None:
-        """End all pulses now. A motor in motion coasts on, and its steps are not counted."""
+        """End all pulses now. A moving motor coasts, and its steps are not counted."""
         if self._motion.velocity:
             self._reference.lose()
         self._motion.flush()

@@ -1,8 +1,9 @@
-"""Watch one axis while its driver is on: switches, voltage, temperature, following error.
+"""Supervise one axis while its driver is on: switches, voltage, temperature, following error.
 
-Causes that last (e-stop, the driver's Protect pin or fault output, voltage, temperature) trip the drive when they
-appear or when the driver is switched on, and no fault can be reset while they last. A limit switch trips the drive only
-while the axis moves towards it: away from it the axis may move. The following error trips it after its timeout (6066h).
+Some causes are levels: e-stop, Protect pin or fault output of the driver, voltage, temperature. They trip the drive
+when they appear or when the driver is switched on; while they last, no fault can be reset. A limit switch trips the
+drive only while the axis moves towards it; the axis may move away from it. The following error trips the drive after
+its time-out (6066h).
 """
 
 from collections.abc import Iterator
@@ -18,11 +19,11 @@ FOLLOWING_PERIOD_US: Final = 10_000
 
 _LIMITS: Final = DigitalInput.NEGATIVE_LIMIT | DigitalInput.POSITIVE_LIMIT
 DRIVER: Final = 1
-"""Detail of an excess temperature of the driver chip; 0 is the board's."""
+"""Detail of the error TEMPERATURE for the driver chip; 0 is the board."""
 
 
 class Supervision:
-    """Watches one axis and trips its drive."""
+    """Supervises one axis and trips its drive."""
 
     def __init__(self, context: AxisContext) -> None:
         self._motion = context.motion
@@ -31,18 +32,18 @@ class Supervision:
         self._trip = context.trip
         self._reference = context.reference
         self._off_window_us: int | None = None
-        """Time since which the following error has been out of its window; None while it is within."""
+        """Instant at which the following error left its window; None while it is within."""
         self._watches_limits = self._watches_following = False
         self.inputs: DigitalInput = DigitalInput(0)
-        """The axis' present input levels."""
+        """Present input levels of the axis."""
         self.due_us: int | None = None
-        """Time of the next call of `poll`; None if there is nothing to watch."""
+        """Time of the next call of `poll`; None if there is nothing to supervise."""
         context.dictionary.bind(self)
 
     # --- causes that are levels
 
     def causes(self) -> Iterator[tuple[ErrorCode, int]]:
-        """Yield each error, with its detail, that keeps the driver off now."""
+        """Yield each present error that keeps the driver off, with its detail."""
         if self.inputs & DigitalInput.ESTOP:
             yield ErrorCode.ESTOP, 0
         if self.inputs & DigitalInput.DRIVER_PROTECT:
@@ -63,14 +64,14 @@ class Supervision:
         return self._measurements.supply_10mv >= self._dictionary.get(od.SUPPLY_VOLTAGE_MIN)
 
     def check(self) -> None:
-        """Trip the drive for every error that must switch the driver off."""
+        """Trip the drive for every cause that is present."""
         for code, detail in self.causes():
             self._trip(code, detail)
 
     # --- causes that come with motion
 
     def watch(self, now_us: int, *, switches: bool) -> None:
-        """Decide, at the end of a call, what to watch until the next; `switches`: whether limit switches are faults."""
+        """Schedule the next check at the end of a call; `switches`: True if limit switches are faults."""
         moving = self._motion.running
         self._watches_limits = moving and switches and bool(self.inputs & _LIMITS)
         self._watches_following = moving and self._dictionary.get(od.FOLLOWING_ERROR_WINDOW) != WINDOW_OFF
@@ -83,7 +84,7 @@ class Supervision:
             self.due_us = now_us + period_us
 
     def poll(self, now_us: int) -> None:
-        """Make the check that is due, if any: of limit switches, following error, or both."""
+        """Make the checks that are due: limit switches, following error, or both."""
         if self.due_us is None or now_us < self.due_us:
             return
         self.due_us = None
@@ -93,7 +94,7 @@ class Supervision:
             self._check_following(now_us)
 
     def check_limits(self) -> None:
-        """Trip if the axis moves towards a limit switch that is active."""
+        """Trip if the axis moves towards an active limit switch."""
         velocity = self._motion.velocity
         ahead = DigitalInput.POSITIVE_LIMIT if velocity > 0 else DigitalInput.NEGATIVE_LIMIT
         if velocity and self.inputs & ahead:

@@ -1,9 +1,9 @@
-"""Divide time into slots, one for each SYNC: from half a period before the SYNC is due to half a period after.
+"""Divide time into slots, one for each SYNC: from half a period before its due time to half a period after.
 
-A set-point is used when the slot of its SYNC has closed. So the SYNC may come at any time within its slot, and a slot
-that closes without a SYNC has lost it. The first SYNC sets the middle of the slots. After that only the mean of many
-SYNCs moves them, and only if it is far from the middle: so jitter has no effect, while the drift of one clock against
-the other is followed. To move, the slots grow or shrink by a little each until they are in place.
+A set-point is used when the slot of its SYNC closes. So a SYNC may arrive at any time within its slot; a slot that
+closes without SYNC counts as lost. The first SYNC defines the middle of the slots. Later the slots move only if the
+mean of many SYNCs is outside of a dead band around the middle. So jitter has no effect, but the slots follow the drift
+between the clocks of host and board. To move, each slot becomes slightly longer or shorter until they are in place.
 """
 
 from typing import Final, NamedTuple
@@ -13,11 +13,11 @@ from steptwin.protocol.timer import COUNTS_PER_US
 
 TICK_US: Final = TICK_COUNTS // COUNTS_PER_US
 WINDOW: Final = 128
-"""Number of SYNCs in a mean. Jitter uniform over half a period either way gives a mean of 1/40 period (rms)."""
+"""Number of SYNCs in a mean. With uniform jitter of +-1/2 period, the mean has 1/40 period rms."""
 _DEAD_BAND: Final = 8
-"""The slots stay while the mean is within 1/8 of a period from the middle."""
+"""Dead band of the mean: the slots stay while it is within 1/8 of a period from the middle."""
 _SHIFT: Final = 512
-"""A slot grows or shrinks by 1/512 of a period, and by at least 1 us: so drift of 500 ppm is followed."""
+"""A slot changes its length by 1/512 of a period, at least 1 us: enough for a drift of 500 ppm."""
 
 
 class Slot(NamedTuple):
@@ -25,21 +25,21 @@ class Slot(NamedTuple):
 
     end_us: int
     phase_us: int
-    """Time from the end of the very first slot to its closing. Set-points keep that delay, to the microsecond."""
+    """Time from the end of the first slot to its closing tick. Later set-points keep this delay exactly."""
 
     @property
     def close_tick(self) -> int:
-        """The first servo tick that begins at or after the end: the slot closes then."""
+        """Servo tick in which the slot closes: the first one that begins at or after its end."""
         return -(-self.end_us // TICK_US)
 
     @property
     def excess_us(self) -> int:
-        """Delay of the closing: less than a tick either way, 0 until slots are moved."""
+        """Delay of the closing: less than one tick in either direction; 0 until the slots move."""
         return self.close_tick * TICK_US - self.end_us - self.phase_us
 
 
 class SyncClock:
-    """The slots of one board. All axes that follow SYNC share them, which keeps the axes in step."""
+    """The slots of one board. All axes that follow SYNC share them, so the axes stay synchronous."""
 
     def __init__(self) -> None:
         self.slot: Slot = Slot(0, 0)
@@ -50,10 +50,10 @@ class SyncClock:
         self._offsets_us = 0
         self._heard = 0
         self._shift_us = 0
-        """Time that the slots must still be moved by."""
+        """Remaining time by which the slots must move."""
 
     def join(self, axis: int, period_us: int, now_us: int) -> bool:
-        """Let an axis follow from the SYNC received now; return False if other axes follow with another period."""
+        """Let an axis follow from the present SYNC on; return False if other axes use another period."""
         if not self._users:
             self._period_us = period_us
             end_us = now_us + period_us // 2
@@ -65,11 +65,11 @@ class SyncClock:
         return axis in self._users
 
     def leave(self, axis: int) -> None:
-        """Let an axis follow no more. After the last has left, the next to join sets new slots."""
+        """Remove an axis. When the last has left, the next one to join defines new slots."""
         self._users.discard(axis)
 
     def hear(self, now_us: int) -> int:
-        """Note a SYNC, once for all axes; return 0 if it belongs to the open slot, 1 if to the next."""
+        """Process a SYNC, once for all axes; return 0 if it belongs to the open slot, 1 if to the next."""
         ahead = int(now_us >= self.slot.end_us)
         if now_us != self._heard_us:
             self._heard_us = now_us
@@ -77,7 +77,7 @@ class SyncClock:
         return ahead
 
     def after(self, slot: Slot) -> Slot:
-        """Return the slot that follows one that closes. The first axis to call opens it."""
+        """Return the slot after a closing one. The first axis that calls opens it."""
         if slot == self.slot:
             step_us = max(1, self._period_us // _SHIFT)
             shift_us = min(max(self._shift_us, -step_us), step_us)
@@ -86,7 +86,7 @@ class SyncClock:
         return self.slot
 
     def _measure(self, offset_us: int) -> None:
-        """Add a SYNC's offset from the middle of its slot to the mean, unless the slots are being moved."""
+        """Add a SYNC's offset from the middle of its slot to the mean, unless the slots are moving."""
         if self._shift_us:
             return
         self._offsets_us += offset_us

@@ -1,7 +1,7 @@
 """Touch probes (CiA 402-2, "touch probe functionality"): latch the position at edges of the inputs IN1 and IN2.
 
-Probe 1 is IN1, probe 2 is IN2. The low byte of the touch probe function (60B8h) is for probe 1, the high byte for
-probe 2, and so are those of the status (60B9h):
+Probe 1 is IN1, probe 2 is IN2. In the touch probe function (60B8h) and status (60B9h), the low byte is probe 1, the
+high byte probe 2:
 
 | bit | function | status |
 |---|---|---|
@@ -11,11 +11,11 @@ probe 2, and so are those of the status (60B9h):
 | 4 | latch rising edges | |
 | 5 | latch falling edges | |
 
-A status bit falls when its kind of edge is switched off; the position stays. An open loop drive has no encoder whose
-zero pulse could be a source, so other sources are refused, as are the bits that CiA 402-2 leaves to the manufacturer.
+A status bit falls when its kind of edge is switched off; the position stays. Other sources are refused, because an open
+loop drive has no encoder with a zero pulse. The manufacturer-specific bits are refused, too.
 
-The drive reads its inputs once in a servo tick of 250 us, and latches its step counter at the start of that tick. So a
-position is late by up to a tick's way, which is the speed times 250 us. All state stands in the dictionary.
+The drive reads its inputs once per servo tick of 250 us and latches its step counter at the start of that tick. So a
+position is late by up to the travel in one tick: speed times 250 us. All state is in the dictionary.
 """
 
 from typing import Final, NamedTuple
@@ -27,20 +27,20 @@ from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
 
 class _Latch(NamedTuple):
-    """What one kind of edge of one probe latches, and the bits that say so; the bits are those of the whole words."""
+    """One kind of edge of one probe: its bits in the function and status words, and the entry that it latches."""
 
     probe_input: DigitalInput
     rising: bool
     enabled: int
-    """Bits of the function that must all be set."""
+    """Bits of the function that must all be set to latch."""
     continuous: int
     stored: int
     position: int
-    """Address of the position."""
+    """Address of the latched position."""
 
 
 def _latches(probe_input: DigitalInput, shift: int, rising_at: int, falling_at: int) -> tuple[_Latch, _Latch]:
-    """Return the rows of one probe, whose bits are shifted within the words."""
+    """Return the two latches of one probe, with its bits shifted by `shift`."""
     bit, on, continuous = TouchProbeBit, TouchProbeBit.ON << shift, TouchProbeBit.CONTINUOUS << shift
     return (
         _Latch(probe_input, True, on | bit.RISING << shift, continuous, bit.RISING_STORED << shift, rising_at),
@@ -49,7 +49,7 @@ def _latches(probe_input: DigitalInput, shift: int, rising_at: int, falling_at: 
 
 
 _PROBE_2: Final = 8
-"""Place of probe 2's bits in the words."""
+"""Shift of probe 2's bits in the words."""
 _LATCHES: Final = (
     *_latches(DigitalInput.IN1, 0, od.TOUCH_PROBE_1_RISING, od.TOUCH_PROBE_1_FALLING),
     *_latches(DigitalInput.IN2, _PROBE_2, od.TOUCH_PROBE_2_RISING, od.TOUCH_PROBE_2_FALLING),
@@ -70,7 +70,7 @@ class TouchProbes:
         """Switch the probes on and off.
 
         Raises:
-            SdoAbortError: a source other than the input, or a bit that this drive does not offer (06090030h).
+            SdoAbortError: another source than the input, or a bit that this drive does not support (06090030h).
         """
         if function & ~_OFFERED:
             raise SdoAbortError(AbortCode.VALUE_RANGE)
@@ -80,7 +80,7 @@ class TouchProbes:
         self._show(on | kept)
 
     def inputs_changed(self, before: DigitalInput, inputs: DigitalInput) -> None:
-        """Latch the position at the edges that the probes wait for."""
+        """Latch the position at the edges that are enabled."""
         function = self._dictionary.get(od.TOUCH_PROBE_FUNCTION)
         for row in _LATCHES:
             edge = (before ^ inputs) & row.probe_input and bool(inputs & row.probe_input) is row.rising
@@ -93,6 +93,6 @@ class TouchProbes:
             self._show(status | row.stored)
 
     def _show(self, status: int) -> None:
-        """Store the status and announce it, also an edge that was stored before: the position is new."""
+        """Store the status and announce it, even if it is unchanged: the position is new."""
         self._dictionary.set(od.TOUCH_PROBE_STATUS, status)
         self._context.changed(od.TOUCH_PROBE_STATUS)

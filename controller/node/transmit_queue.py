@@ -1,9 +1,9 @@
-"""The CAN driver's transmit queue: the places where frames wait until one of the controller's mailboxes is free.
+"""The CAN driver's transmit queue: frames wait here until a mailbox of the controller is free.
 
-Services go ahead of process data. A service's frames wait in line, a few of each node; one that finds no place is lost.
-A PDO has one place: a newer one takes the place of the one that waits, because process data that is late has no worth
-(CiA 301, section 7.5.2.7: synchronous TPDOs that miss the synchronous window may be discarded). So the queue holds a
-fixed number of frames, whatever the nodes produce and however busy the bus is.
+Services have priority over process data. Each node may have a few waiting frames of each service; further ones are
+lost. Each PDO has one place: a newer frame replaces the waiting one, because late process data is useless (CiA 301,
+section 7.5.2.7: synchronous TPDOs that miss the synchronous window may be discarded). So the length of the queue is
+bounded, even on a busy bus.
 """
 
 from collections.abc import Collection
@@ -20,7 +20,7 @@ from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_US
 
 
 class Service(Enum):
-    """The services whose frames go ahead of process data."""
+    """Services with priority over process data."""
 
     EMCY = "emcy"
     SDO = "sdo"
@@ -30,21 +30,21 @@ class Service(Enum):
 
 
 PLACES: Final = {Service.EMCY: 8, Service.SDO: -(-TEXT_BYTES_MAX // SEGMENT_BYTES), Service.NMT: 2, Service.LSS: 1}
-"""Frames of each service that may wait, of each node.
+"""Number of places of each service, for each node.
 
-The segments of the longest entry are the longest block of an SDO upload. A boot-up message and a heartbeat may wait; a
-further heartbeat says nothing new. An LSS master waits for each answer.
+SDO: the segments of the longest entry, which are the longest block of an upload. NMT: a boot-up message and a
+heartbeat; a second heartbeat would carry no new information. LSS: a master waits for each answer.
 """
 BURST_FRAMES_MAX: Final = 32
-"""Process data frames in a row before a pause, as many as eight nodes have TPDOs.
+"""Longest burst of process data before a pause: all TPDOs of eight nodes.
 
-Services have higher identifiers than most process data, so a board that always has process data to send would keep
-them off the bus: its own in their mailboxes, and other stations' altogether.
+Services have higher identifiers than most process data. Without pauses, a board that always has process data to send
+would keep its own services in their mailboxes and those of other stations off the bus.
 """
 PAUSE_COUNTS: Final = 100 * COUNTS_PER_US
-"""Length of the pause, from the end of the last frame: enough for another station to begin at 125 kbit/s."""
+"""Length of the pause after the last frame: at 125 kbit/s another station has time to begin a frame."""
 PAUSE_COUNTS_MAX: Final = 5 * COUNTS_PER_MS
-"""Longest pause: process data then go on even if a mailbox is not free: then other stations win every arbitration."""
+"""Longest pause, even if mailboxes are still occupied because other stations win every arbitration."""
 
 
 class _Waiting(NamedTuple):
@@ -54,37 +54,37 @@ class _Waiting(NamedTuple):
 
 
 class TransmitQueue:
-    """The frames of all nodes of a board that wait for a mailbox."""
+    """Frames of all nodes of a board that wait for a mailbox."""
 
     def __init__(self) -> None:
         self.services: list[_Waiting] = []
-        """The oldest first."""
+        """Frames of services, the oldest first."""
         self.process_data: dict[tuple[int, int], Frame] = {}
-        """By node and number of the PDO, in the order that the PDOs began to wait."""
+        """Frames of PDOs by node and PDO number, the one that waits longest first."""
         self.due_counts: int | None = None
-        """Instant when `take` ends a pause of the process data, if a mailbox is free; None if there is no pause."""
+        """End of the present pause of process data; None if there is no pause."""
         self._in_a_row = 0
         """Process data frames taken since the last pause."""
         self._last_counts = 0
-        """Instant when the last of them was taken."""
+        """Instant when the last process data frame was taken."""
 
     def __len__(self) -> int:
         return len(self.services) + len(self.process_data)
 
     def room(self, node: int, service: Service) -> bool:
-        """Return whether a further frame of a node's service has a place."""
+        """Return whether there is a place for another frame of a node's service."""
         waiting = sum(item.node == node and item.service is service for item in self.services)
         return waiting < PLACES[service]
 
     def put(self, node: int, service: Service, frame: Frame) -> bool:
-        """Let a service's frame wait; return False if it is lost because its places are taken."""
+        """Queue a service's frame; return False if it is lost because all its places are occupied."""
         if self.services and not self.room(node, service):
             return False
         self.services.append(_Waiting(node, service, frame))
         return True
 
     def put_process_data(self, node: int, number: int, frame: Frame) -> bool:
-        """Let a PDO wait; return False if an older frame of the same PDO is lost, whose place it takes."""
+        """Queue a PDO; return False if it replaces an older frame of the same PDO, which is lost."""
         waiting = self.process_data
         place = node, number
         fresh = place not in waiting
@@ -92,26 +92,26 @@ class TransmitQueue:
         return fresh
 
     def drop(self, node: int) -> None:
-        """Forget what waits for a node, whose communication is reset: its next frame is the boot-up message."""
+        """Drop a node's waiting frames after a reset of communication; its next frame is the boot-up message."""
         self.services = [item for item in self.services if item.node != node]
         self.process_data = {place: frame for place, frame in self.process_data.items() if place[0] != node}
         if not self.process_data:
             self.due_counts = None  # nothing waits for the end of the pause
 
     def waits(self, node: int) -> bool:
-        """Return whether any frame of a node waits."""
+        """Return whether a frame of a node waits."""
         return any(item.node == node for item in self.services) or any(node == owner for owner, _ in self.process_data)
 
     def take(self, mailboxes: Collection[Frame], idle_since_counts: int, now_counts: int) -> Frame | None:
         """Return the frame to put into a free mailbox now; None if all must wait.
 
-        Of two frames with equal identifiers bxCAN sends the one in the lower mailbox first, which may be the newer. So
-        a frame waits until no mailbox has its identifier (RM0008, section 24.7.1).
+        If two mailboxes have the same identifier, bxCAN sends the lower mailbox first, which may hold the newer frame
+        (RM0008, section 24.7.1). So a frame waits until no mailbox has its identifier.
 
         Args:
-            mailboxes: the frames in the other mailboxes.
-            idle_since_counts: if there are none, the instant when the last one was sent.
-            now_counts: the present instant.
+            mailboxes: frames in the other mailboxes.
+            idle_since_counts: instant when the last mailbox became empty, if all are empty.
+            now_counts: present instant.
         """
         if not mailboxes and now_counts - idle_since_counts >= PAUSE_COUNTS:
             self._in_a_row = 0
@@ -130,7 +130,7 @@ class TransmitQueue:
         return None
 
     def _pauses(self, idle_since_counts: int | None, now_counts: int) -> bool:
-        """Return whether process data must wait, after a burst; `due_counts` is the end of the pause."""
+        """Return whether process data must pause after a burst; set `due_counts` to the end of the pause."""
         self.due_counts = None
         if self._in_a_row < BURST_FRAMES_MAX:
             return False
@@ -145,26 +145,26 @@ class TransmitQueue:
 
 
 QUIET_US: Final = 1_000_000
-"""Time without a loss until the error ends; so a bus that is too busy now and then causes two EMCYs a second."""
+"""Time without a loss after which the error ends: repeated losses cause at most two EMCYs per second."""
 
 
 class Outbox:
     """Puts one node's frames into the transmit queue.
 
-    The first loss is an error, "CAN overrun", of this node. It ends when no frame has been lost for a second and none
-    of the node waits.
+    A lost frame is an error "CAN overrun" of this node. The error ends when no frame has been lost for a second and no
+    frame of the node waits.
     """
 
     def __init__(self, node: int, queue: TransmitQueue, dictionary: ObjectDictionary, errors: AxisErrors) -> None:
         self.due_us: int | None = None
-        """Time of the next call of `poll`; None while nothing has been lost."""
+        """Time of the next call of `poll`; None if no loss is active."""
         self._node = node
         self._queue = queue
         self._dictionary = dictionary
         self._errors = errors
 
     def reset(self) -> None:
-        """Forget what waits, and a loss; the caller has resolved the communication errors."""
+        """Drop the waiting frames and forget a loss; the caller has already resolved the communication errors."""
         self._queue.drop(self._node)
         self.due_us = None
 
@@ -174,12 +174,12 @@ class Outbox:
             self._lost(now_us)
 
     def send_process_data(self, number: int, frame: Frame, now_us: int) -> None:
-        """Send a PDO as soon as a mailbox is free, in place of an older one that still waits."""
+        """Send a PDO as soon as a mailbox is free; it replaces an older frame that still waits."""
         if not self._queue.put_process_data(self._node, number, frame):
             self._lost(now_us)
 
     def has_room(self, service: Service) -> bool:
-        """Return whether a frame of a service would find a place."""
+        """Return whether there is a place for another frame of a service."""
         return self._queue.room(self._node, service)
 
     def _lost(self, now_us: int) -> None:
@@ -188,7 +188,7 @@ class Outbox:
         self._errors.report(ErrorCode.CAN_OVERRUN, Overrun.TRANSMIT_QUEUE)
 
     def poll(self, now_us: int) -> None:
-        """End the error if it is due to end."""
+        """End the error "CAN overrun" if that is due."""
         if self.due_us is None or now_us < self.due_us:
             return
         if self._queue.waits(self._node):

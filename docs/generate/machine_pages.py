@@ -13,9 +13,9 @@ from docs.generate.commands import DOCS, GeneratedPage, session
 from docs.generate.markdown import table
 from docs.generate.paper_pages import PAPERS
 from steptwin.features.faults.judge import longest_ramp_ms
+from steptwin.features.faults.kinds import DOCUMENTED
 from steptwin.features.faults.reaction import Motion, Reaction
-from steptwin.features.faults.reactions import DOCUMENTED
-from steptwin.features.faults.requests import INJECTED, REQUESTS, does, keys_of, says, usage
+from steptwin.features.faults.requests import INJECTED, REQUESTS, description, keys_of, sentence, usage
 from steptwin.host.common.choices import STATE
 from steptwin.host.common.features import giving
 from steptwin.host.robots import load_robot
@@ -49,7 +49,7 @@ def _requests() -> str:
                 ", ".join(f"`{key.name}`" for key in keys_of(do).values() if key.optional == optional) or "-"
                 for optional in (False, True)
             )
-            rows.append([f"`{do}`", needed, others, does(do)])
+            rows.append([f"`{do}`", needed, others, sentence(do)])
     return table(["`do`", "keys", "may also have", ""], rows, text_columns=4)
 
 
@@ -83,7 +83,7 @@ def _ramps() -> str:
 
 FAULTS_PAGE: Final = GeneratedPage(
     "faults",
-    "the table of reactions",
+    "the faults in features/faults/kinds/",
     {
         "example": lambda _: f"```toml\n{EXAMPLE.read_text(encoding='utf-8').strip()}\n```",
         "run": lambda arguments: session(f"run {arguments}"),
@@ -95,7 +95,7 @@ FAULTS_PAGE: Final = GeneratedPage(
 
 
 def _request_words() -> str:
-    rows = [[f"`{do} {usage(do)}`".replace(" `", "`"), does(do)] for do in INJECTED]
+    rows = [[f"`{do} {usage(do)}`".replace(" `", "`"), sentence(do)] for do in INJECTED]
     return table(["`inject ROBOT ...`", ""], rows, text_columns=2)
 
 
@@ -103,7 +103,8 @@ def _keys() -> str:
     rows = []
     for do in REQUESTS:
         keys = [
-            "; ".join(f"`{key.name}`: {says(key)}" for key in keys_of(do).values() if key.optional == optional) or "-"
+            "; ".join(f"`{key.name}`: {description(key)}" for key in keys_of(do).values() if key.optional == optional)
+            or "-"
             for optional in (False, True)
         ]
         rows.append([f"`{do}`", *keys])
@@ -112,7 +113,7 @@ def _keys() -> str:
 
 CONTROL_PORT_PAGE: Final = GeneratedPage(
     "control-port",
-    "the harms in features/faults/kinds/",
+    "the faults in features/faults/kinds/",
     {"words": lambda _: _request_words(), "keys": lambda _: _keys()},
 )
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final, NamedTuple
 
+from docs.generate.arm_drawings import draw_link_frames
 from docs.generate.commands import DOCS
 from docs.generate.drawing import write_picture
 from docs.generate.markdown import table
-from steptwin.host.record.plots.in_space import draw_link_frames
 from steptwin.host.robots import load_robot
 
 PAPERS_FOLDER: Final = DOCS / "papers"

@@ -10,13 +10,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from docs.generate.commands import DOCS
-from docs.generate.drawing import write_picture
+from docs.generate.drawing import write_motor_picture, write_picture, write_run_picture
 from docs.generate.robots_page import PICTURE_KINDS, picture
 from docs.generate.runs import Runs
 from steptwin.features.calibration.identification import identify_errors
 from steptwin.features.calibration.measurements import simulate_measurements
 from steptwin.features.calibration.residuals import draw_residuals
-from steptwin.features.motors.sizing.motor_pictures import draw_torque
 from steptwin.features.motors.turning import motors_of_run
 from steptwin.features.shelf import shelf_of
 from steptwin.features.shelf.section import Shelf
@@ -26,7 +25,7 @@ from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs import compile_program, parse_program
 from steptwin.host.planning.trajectory import Trajectory
-from steptwin.host.record.plots import DEFAULT_VIEW, PICTURES, PlotView
+from steptwin.host.record.plots import DEFAULT_VIEW, PlotView
 from steptwin.host.robots import MACHINES, load_robot, parse_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.chain import Chain
@@ -46,7 +45,7 @@ def write_pictures(runs: Runs) -> None:
         for kind, name in _DRAWN.items():
             path = DOCS / picture(run.robot, run.job, kind)
             path.parent.mkdir(exist_ok=True)
-            write_picture(path, partial(PICTURES[name], outcome.comparison, run, DEFAULT_VIEW))
+            write_run_picture(path, name, outcome)
 
 
 _MACHINE_PICTURES: Final = {
@@ -69,11 +68,11 @@ def write_machine_picture(robot: Robot) -> None:
     example = f"docs/programs/{robot.name}.toml"
     program = parse_program((DOCS.parent / example).read_text(encoding="utf-8"), Findings())
     outcome = execute(plan(robot, compile_program(program, robot).trajectory), example)
-    path = DOCS / picture(robot.name, "example", kind)
-    write_picture(path, partial(PICTURES[drawn], outcome.comparison, outcome.report.run, DEFAULT_VIEW))
+    write_run_picture(DOCS / picture(robot.name, "example", kind), drawn, outcome)
     if robot.dynamics is not None:
         turned = motors_of_run(robot, outcome.comparison)
-        write_picture(DOCS / picture(robot.name, "example", "torque"), partial(draw_torque, turned, outcome.report.run))
+        path = DOCS / picture(robot.name, "example", "torque")
+        write_motor_picture(path, "motor-torque", outcome.report.run, turned)
 
 
 _KIND: Final = "calibration-scara"
@@ -105,8 +104,7 @@ def write_waveform_pictures(runs: Runs) -> None:
     """Draw the pictures again."""
     outcome = runs.outcome("hybrid-arm", "helix")
     for name, view in _VIEWS.items():
-        path = DOCS / "pictures" / f"waveform-{name}.png"
-        write_picture(path, partial(PICTURES[name], outcome.comparison, outcome.report.run, view))
+        write_run_picture(DOCS / "pictures" / f"waveform-{name}.png", name, outcome, view)
 
 
 PICTURE: Final = DOCS / "pictures" / "warehouse.png"

@@ -10,11 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc
 
+from docs.generate.arm_drawings import draw_arm_in_space
 from docs.generate.commands import DOCS, GeneratedPage
 from docs.generate.drawing import write_picture
 from docs.generate.markdown import table
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.record.plots.in_space import draw_arm_in_space
 from steptwin.host.robots import load_robot, read_robot
 from steptwin.host.robots.kinematics.base import dimensions, meaning
 from steptwin.host.robots.kinematics.hybrid import GUIDE_PART

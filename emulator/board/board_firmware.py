@@ -1,7 +1,7 @@
-"""What a board asks of the firmware that its processor runs: our own is one, a user's library another.
+"""The interface between an emulated board and its firmware, which is StepTwin's or a user's library.
 
-The board passes frames, input levels and time; the firmware answers with frames, pin changes and pulse edges. Instants
-are in counts of the board's timer. Pulses may be computed ahead of time, in whole servo ticks.
+The board passes frames, input levels and time. The firmware returns frames, pin changes and pulse edges. Instants are
+in counts of the board's timer. Pulses may be computed ahead of time, in whole servo ticks.
 """
 
 from collections.abc import Collection, Sequence, Sized
@@ -26,15 +26,15 @@ class PulseSource(Protocol):
 
     @property
     def undrained_pulses(self) -> int:
-        """Number of pulses begun since the last drain."""
+        """Number of pulses since the last drain."""
         ...
 
     def quiet_ticks(self, steps: int) -> int:
-        """Return for how many ticks the running axis certainly makes fewer steps than these."""
+        """Return the number of ticks in which the running axis certainly makes fewer than `steps` steps."""
         ...
 
     def take_edges(self) -> PinEdges:
-        """Return the axis' edges that have not been taken."""
+        """Return the axis' edges since the last call."""
         ...
 
 
@@ -48,59 +48,59 @@ class BoardPulses(Protocol):
 
     @property
     def tick(self) -> int:
-        """The first servo tick not yet computed; after an `advance` to a count before a tick, it is that tick."""
+        """First servo tick that is not computed yet."""
         ...
 
     @property
     def starts(self) -> int:
-        """Number of times that an axis has begun to run: while it stays the same, no other axis does."""
+        """Number of axis starts. While it does not change, no further axis has begun to run."""
         ...
 
     @property
     def running_axes(self) -> Collection[int]:
-        """The axes that may make pulses."""
+        """Axes that may make pulses."""
         ...
 
     @property
     def events(self) -> Sized:
-        """What asks for the firmware's attention at the start of `tick`."""
+        """Events at the start of `tick` that need the firmware's attention."""
         ...
 
     @property
     def room_ticks(self) -> int:
-        """Number of ticks whose edges are sure to find room before they must be taken."""
+        """Number of ticks whose edges certainly fit before they must be taken."""
         ...
 
     def take_edges(self) -> Sequence[PinEdges]:
-        """Return all edges that have not been taken, by axis."""
+        """Return all edges since the last call, by axis."""
         ...
 
 
 class FrameQueue(Protocol):
-    """The frames that wait for a mailbox of the CAN controller."""
+    """Frames that wait for a mailbox of the CAN controller."""
 
     @property
     def due_counts(self) -> int | None:
-        """Instant when `take` gives a frame that it now withholds, if a mailbox is free; None if it withholds none."""
+        """End of a pause in which `take` withholds frames; None if there is no pause."""
         ...
 
     @property
     def services(self) -> Sized:
-        """Frames that wait and go first."""
+        """Waiting frames that have priority."""
         ...
 
     @property
     def process_data(self) -> Sized:
-        """Frames that wait and go last."""
+        """Waiting frames of process data."""
         ...
 
     def take(self, mailboxes: Collection[Frame], idle_since_counts: int, now_counts: int) -> Frame | None:
         """Return the frame to put into a free mailbox now; None if all must wait.
 
         Args:
-            mailboxes: the frames in the other mailboxes.
-            idle_since_counts: if there are none, the instant when the last one was sent.
-            now_counts: the present instant.
+            mailboxes: frames in the other mailboxes.
+            idle_since_counts: instant when the last mailbox became empty, if all are empty.
+            now_counts: present instant.
         """
         ...
 
@@ -110,12 +110,12 @@ class BoardFirmware(Protocol):
 
     @property
     def motion(self) -> BoardPulses:
-        """Its pulses."""
+        """The pulses of all axes."""
         ...
 
     @property
     def transmit(self) -> FrameQueue:
-        """Its frames."""
+        """The frames to send."""
         ...
 
     @property
@@ -125,20 +125,20 @@ class BoardFirmware(Protocol):
 
     @property
     def due_counts(self) -> int | None:
-        """The next known instant when it has work without a frame, an input or an event of its motion; None: never."""
+        """Next instant at which the firmware has work without a frame, input or motion event; None for never."""
         ...
 
     @property
     def next_due_counts(self) -> int | None:
-        """The same, of its motion's events, too."""
+        """Next instant at which the firmware has work without a frame or input; None for never."""
         ...
 
     def boot(self, now_counts: int) -> None:
-        """Begin."""
+        """Boot after power-up or reset."""
         ...
 
     def receive(self, frame: Frame, now_counts: int) -> None:
-        """Take a frame from the bus."""
+        """Process a frame from the bus."""
         ...
 
     def hears(self, cob_id: int) -> bool:
@@ -146,25 +146,25 @@ class BoardFirmware(Protocol):
         ...
 
     def on_can_error(self, code: ErrorCode, now_counts: int, *, active: bool) -> None:
-        """Take note of an error of the CAN controller, or of its end."""
+        """Handle an error of the CAN controller, or its end."""
         ...
 
     def on_bus_off(self, now_counts: int) -> None:
-        """Take note that the CAN controller has left the bus."""
+        """Handle the bus-off of the CAN controller."""
         ...
 
     def set_inputs(self, inputs: Sequence[DigitalInput], now_counts: int) -> None:
-        """Take the levels of all axes' inputs, as of the servo tick that begins now."""
+        """Set the input levels of all axes at the start of the present servo tick."""
         ...
 
     def measure(self, supply_10mv: int, temperature_decidegc: int, now_counts: int) -> None:
-        """Take the readings of the analogue inputs."""
+        """Set the readings of the analogue inputs."""
         ...
 
     def advance(self, until_counts: int) -> int:
-        """Let time pass; return the instant reached.
+        """Advance time; return the instant reached.
 
-        That is an earlier one if frames or pin changes may be waiting, or if the edges must be taken.
+        It is earlier than `until_counts` if frames or pin changes may be waiting, or if the edges must be taken.
         """
         ...
 
@@ -178,20 +178,20 @@ class BoardFirmware(Protocol):
 
 
 class BoardProgram(Protocol):
-    """What stands in the flash of a board's processor, and outlives the power."""
+    """The program in the flash of a board's processor."""
 
     def start(self, board: "Board") -> BoardFirmware:
-        """Return the firmware that begins at power-up or after a reset; it does nothing before `boot`."""
+        """Return the firmware after a power-up or reset; it does nothing before `boot`."""
         ...
 
     def connect(self, board: "Board") -> None:
-        """Take note of the rest of the board that this firmware has: its drivers, and a new CAN controller."""
+        """Connect the firmware to the rest of the board: its drivers and a new CAN controller."""
         ...
 
 
 class OtherFirmwareError(Exception):
-    """A caller asks for what only our own firmware has, on a board that runs another."""
+    """A caller needs StepTwin's firmware, but the board runs another one."""
 
 
 class FirmwareError(Exception):
-    """A board's firmware cannot be loaded, has crashed or hangs, or has broken the interface; one sentence says it."""
+    """A board's firmware cannot be loaded, has crashed, hangs, or violates the interface."""

@@ -1,7 +1,7 @@
-"""A board whose crystal is off, so that its time passes faster or slower than the simulation's.
+"""A board with a crystal error: its time passes faster or slower than that of the simulation.
 
-Inside such a board all is in counts of its own timer, edges and pin changes among them. What the simulation and the bus
-say to it, and ask it, is in theirs: the methods here convert at this border.
+Inside of such a board all instants, edges and pin changes included, are in counts of its own timer. Simulation and bus
+use the simulation's time. The methods here convert between both.
 """
 
 from collections.abc import Callable
@@ -20,19 +20,19 @@ from steptwin.protocol.frame import Frame
 def make_board(
     config: BoardConfig, kernel: Kernel, flash: list[FlashPage] | None = None, program: BoardProgram | None = None
 ) -> Board:
-    """Return a board without power, as `Board`, with a clock of its own only if its crystal is off."""
+    """Return a board without power: a `DriftingBoard` if its crystal has an error, else a `Board`."""
     kind = DriftingBoard if config.crystal_ppm else Board
     return kind(config, kernel, flash, program)
 
 
 class DriftingController(CanController):
-    """The CAN controller of such a board: the bus speaks to it in the simulation's time, its processor in its own.
+    """CAN controller of a drifting board: the bus uses the simulation's time, the processor its own.
 
-    Bit timing is not concerned: a controller follows the edges of each sender.
+    The crystal does not affect the bit timing: a controller synchronises to the edges of each sender.
     """
 
     def __init__(self, clock: LocalClock, board: Board) -> None:
-        """Connect a board's firmware, as a board with an exact crystal does."""
+        """Connect the controller to a board's firmware, as for a board with an exact crystal."""
         firmware = board.running
         super().__init__(
             firmware.receive,
@@ -44,7 +44,7 @@ class DriftingController(CanController):
         self._clock = clock
 
     def connect(self, submitted: Callable[[int], None], retuned: Callable[[], None]) -> None:
-        """Tell the bus of frames in its time."""
+        """Connect the bus, which receives instants in its own time."""
         clock = self._clock
         super().connect(lambda _local_counts: submitted(clock.now_counts), retuned)
 
@@ -53,7 +53,7 @@ class DriftingController(CanController):
         super().sent(frame, self._clock.enter(now_counts))
 
     def received(self, frame: Frame, now_counts: int) -> None:
-        """Take a valid frame from the bus, unless the filter rejects it."""
+        """Receive a valid frame, unless the filter rejects it."""
         super().received(frame, self._clock.enter(now_counts))
 
     def sending_failed(self, now_counts: int, *, acknowledged: bool = True) -> None:
@@ -74,7 +74,7 @@ class DriftingController(CanController):
 
 
 class DriftingBoard(Board):
-    """A board with a crystal of its own; instants are the simulation's, but those of traces and pin changes its own."""
+    """A board with a crystal error. Arguments are in the simulation's time; traces and pin changes in the board's."""
 
     def __init__(
         self,
@@ -83,7 +83,7 @@ class DriftingBoard(Board):
         flash: list[FlashPage] | None = None,
         program: BoardProgram | None = None,
     ) -> None:
-        """Make a board without power, as `Board` does; its crystal is off by `config.crystal_ppm`."""
+        """Create a board without power, like `Board`, with a crystal error of `config.crystal_ppm`."""
         self._clock = LocalClock(config.crystal_ppm)
         super().__init__(config, kernel, flash, program)
 
@@ -100,15 +100,15 @@ class DriftingBoard(Board):
         super().boot(self._clock.enter(now_counts))
 
     def power_down(self, now_counts: int) -> None:
-        """Switch the supply off, until `start`; the clock goes on, as if the crystal had power."""
+        """Switch the supply off until `start`; the clock continues, as if the crystal had power."""
         super().power_down(self._clock.enter(now_counts))
 
     def reset(self, now_counts: int) -> None:
-        """Hold the processor in reset, until `start`."""
+        """Hold the processor in reset until `start`."""
         super().reset(self._clock.enter(now_counts))
 
     def start(self, now_counts: int) -> None:
-        """Let the firmware of a board that is down begin."""
+        """Start the firmware of a board that is down."""
         super().start(self._clock.enter(now_counts))
 
     def operate(self, operation: BoardOperation, now_counts: int) -> None:
@@ -116,10 +116,10 @@ class DriftingBoard(Board):
         super().operate(operation, self._clock.enter(now_counts))
 
     def advance(self, until_counts: int) -> int:
-        """Let time pass; return the instant reached.
+        """Advance time; return the instant reached.
 
-        With a fast crystal a tick may begin between two instants of the simulation. A board that stops there is at the
-        second of them, but has not counted as far: the rest follows with the next call, perhaps at the same instant.
+        With a fast crystal a tick may begin between two instants of the simulation. A board that stops there returns
+        the second instant before its counter has reached it. The next call, perhaps at the same instant, completes it.
         """
         clock = self._clock
         until_local_counts = clock.local_counts(until_counts)
@@ -130,27 +130,27 @@ class DriftingBoard(Board):
         return until_counts
 
     def poll(self, now_counts: int) -> None:
-        """Let the processor do its due work."""
+        """Do the processor's due work."""
         super().poll(self._clock.enter(now_counts))
 
     @property
     def next_due_counts(self) -> int | None:
-        """Instant of the board's next work of its own; None if there is none."""
+        """Instant of the board's next work without external events; None if there is none."""
         due_local_counts = super().next_due_counts
         return None if due_local_counts is None else self._clock.instant(due_local_counts)
 
     def quiet_until(self, counts: int) -> bool:
-        """Return True if nothing can happen up to an instant: it lies within a tick that is computed already."""
+        """Return whether nothing can happen up to an instant, because it is within a computed tick."""
         due_counts = self.next_due_counts
         computed = self._clock.local_counts(counts) < self.motion.tick * TICK_COUNTS
         return computed and (due_counts is None or due_counts > counts)
 
     @property
     def computed_counts(self) -> int:
-        """Instant up to which all pulses are computed: the start of a servo tick."""
+        """Instant up to which all pulses are computed, at the start of a servo tick."""
         return self._clock.instant(super().computed_counts)
 
     def next_tick_counts(self, now_counts: int) -> int:
-        """Return the instant after now when the board has begun its next servo tick."""
+        """Return the first instant after now at which the board has begun its next servo tick."""
         tick = self._clock.local_counts(now_counts) // TICK_COUNTS + 1
         return self._clock.instant(tick * TICK_COUNTS)

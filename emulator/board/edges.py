@@ -16,7 +16,7 @@ NO_LEVELS = np.empty(0, dtype=np.int8)
 
 
 def levels_at(times: Int64Array, edges: Int64Array, levels: Int8Array, before: int) -> Int8Array:
-    """Return a pin's level at each of the sorted times; an edge at that very time has already happened."""
+    """Return a pin's level at each of the sorted times; an edge at exactly that time has already happened."""
     if not edges.size:
         return np.full(times.size, before, dtype=np.int8)
     firsts = np.searchsorted(times, edges, side="left")
@@ -26,14 +26,14 @@ def levels_at(times: Int64Array, edges: Int64Array, levels: Int8Array, before: i
 
 @dataclass(frozen=True, slots=True)
 class Delay:
-    """Delays of a part in counts, for a level that becomes high or low at its output."""
+    """Delays of a component in counts, for rising and falling levels at its output."""
 
     to_high: int = 0
     to_low: int = 0
 
     @property
     def longest(self) -> int:
-        """The longer of the two delays."""
+        """The longer delay."""
         return max(self.to_high, self.to_low)
 
     def of(self, level: int) -> int:
@@ -43,8 +43,8 @@ class Delay:
     def passed(self, edges: Int64Array, levels: Int8Array) -> tuple[Int64Array, Int8Array]:
         """Return the edges at the output for alternating edges at the input.
 
-        A level is lost if it lasts no longer than the difference of the delays, because the edge after it overtakes its
-        own.
+        A level that is not longer than the difference of the delays is lost, because its second edge overtakes its
+        first.
         """
         arrivals = edges + np.where(levels == 1, self.to_high, self.to_low)
         overtaken = np.diff(arrivals) <= 0
@@ -57,8 +57,8 @@ class Delay:
 def merged(counts: Int64Array) -> Int64Array:
     """Return the instants sorted, each once.
 
-    The input is a few sorted parts, which a stable sort merges; numpy's `unique` hashes integers and takes 300 times as
-    long for a million of them.
+    The input consists of a few sorted parts, which a stable sort merges quickly. numpy's `unique` hashes integers and
+    takes 300 times as long for a million of them.
     """
     ordered = np.sort(counts, kind="stable")
     first = np.diff(ordered, prepend=ordered[:1] - 1) != 0
@@ -67,5 +67,5 @@ def merged(counts: Int64Array) -> Int64Array:
 
 
 def joined(parts: list[NDArray[Scalar]], dtype: type[Scalar]) -> NDArray[Scalar]:
-    """Return the parts as one array, which is empty if there are none."""
+    """Concatenate the parts; return an empty array if there are none."""
     return np.concatenate(parts) if parts else np.empty(0, dtype=dtype)

@@ -1,12 +1,12 @@
-"""A board's inputs: the levels that the machine gives them, and the ticks when the firmware must read them.
+"""Inputs of a board: their levels, and the ticks at which the firmware must read them.
 
-The firmware sees the levels at the start of each servo tick. Pulses are computed many ticks at a time, and this module
-says how many. A switch that is d steps away keeps its level until the drivers have been given d pulses more. No driver
-counts pulses faster than its kind allows, and the firmware makes none before its running segment can cross
-the next thresholds. How far a step turns the motor depends on the driver's mode, which changes only while the axis
-stands: it is learned at each start.
+The firmware reads its inputs at the start of each servo tick. Because pulses are computed many ticks at a time, this
+module determines the next tick at which an input can change. A switch at a distance of d steps keeps its level until
+the driver has received d more pulses. Two bounds apply: the driver's highest step rate, and the running segment of the
+firmware, which makes no step before it crosses the next threshold. The travel of a step depends on the driver's mode,
+which changes only at standstill; it is read at each start.
 
-The firmware reads its inputs at the start of each servo tick, so it sees a bounce only if one of these falls into it.
+The firmware sees a bounce only if a start of a tick falls into it.
 """
 
 from bisect import bisect_right
@@ -25,7 +25,7 @@ from steptwin.protocol.timer import COUNTS_PER_US
 
 
 class Bouncer:
-    """The bouncing contact of one switch; it is asked at the start of ticks."""
+    """Bouncing contact of one switch, evaluated at the start of ticks."""
 
     def __init__(self, bounces: int, within_us: int, seed: int, *, closed: bool) -> None:
         self._bounces = bounces
@@ -33,10 +33,10 @@ class Bouncer:
         self._random = Random(seed)
         self._closed = closed
         self._turns: list[int] = []
-        """Instants when the contact turns over after its last change, in order."""
+        """Instants, in order, when the contact toggles after its last change."""
 
     def inverted(self, tick: int, *, closed: bool) -> bool:
-        """Return whether the input shows the opposite at a tick when the position has the switch closed or not."""
+        """Return whether the input is inverted at a tick by a bounce; `closed` is the switch's state by position."""
         now_counts = tick * TICK_COUNTS
         if closed != self._closed:
             self._closed = closed
@@ -45,7 +45,7 @@ class Bouncer:
         return bisect_right(self._turns, now_counts) % 2 == 1
 
     def next_tick(self, tick: int) -> int | None:
-        """Return the next tick, after one, when the input may show something else; None if it has come to rest."""
+        """Return the next tick after `tick` at which the input may change; None if the bounce is over."""
         if not self._turns or self._turns[-1] <= tick * TICK_COUNTS:
             return None
         turn = self._turns[bisect_right(self._turns, tick * TICK_COUNTS)]
@@ -53,7 +53,7 @@ class Bouncer:
 
 
 class BoardInputs:
-    """The inputs of all axes, whose switches follow the rotors. Positions are in the drivers' substeps."""
+    """Inputs of all axes; their switches follow the rotors. Positions are in the drivers' substeps."""
 
     def __init__(
         self,
@@ -62,17 +62,17 @@ class BoardInputs:
         travels: Sequence[Travel],
         period_min_counts: int,
     ) -> None:
-        """Let the switches of each axis follow its travel; without travels each follows its own rotor."""
+        """Begin at the start positions; without `travels` the switches of each axis follow its own rotor."""
         self._period_min_counts = period_min_counts
         """Shortest time between two pulses that a driver counts."""
         self.emergency_stop = False
         self.of_drivers: list[DigitalInput] = [DigitalInput(0)] * len(start_substeps)
-        """What each axis' driver tells: that its Protect pin is low, or that its fault output is active."""
+        """Input of each axis' driver: its Protect pin is low, or its fault output is active."""
         self._general = [DigitalInput(0)] * len(start_substeps)
         """Active general inputs of each axis."""
         self._travels = list(travels) or [Travel.of_rotor(axis) for axis in range(len(start_substeps))]
         self._rotors_substeps = list(start_substeps)
-        """Position of each rotor that the switches have followed."""
+        """Position of each rotor up to which the switches have followed."""
         self._axes = [
             AxisSwitches(
                 [switch for switch in switches if switch.axis == axis], travel.position_substeps(start_substeps)
@@ -81,48 +81,48 @@ class BoardInputs:
         ]
         self._switched = [axis for axis, switches in enumerate(self._axes) if switches]
         self._followed = self._rotors_of(self._switched)
-        """Axes whose rotors move along a way with switches."""
+        """Axes whose rotors move along a travel with switches."""
         self._coupled = {axis: self._coupled_with(axis) for axis in self._switched}
-        """The axes whose switches must be read together, because their ways share rotors, by axis."""
+        """By axis, the axes whose switches must be read together, because their travels share rotors."""
         self._ahead: list[list[Moves]] = [[] for _ in self._axes]
-        """Moves of the rotors that the switches have not followed yet, by axis: instants and substeps."""
+        """By axis, rotor moves (instants, substeps) that the switches have not followed yet."""
         self._held_pulses = [0] * len(start_substeps)
-        """Number of pulses that a driver holds and may still count, by axis."""
+        """By axis, number of pulses that the driver may still count."""
         self._step_substeps = [1] * len(start_substeps)
-        """The driver's present step, by axis."""
+        """By axis, size of the driver's present step."""
         self._just_started: set[int] = set()
-        """Axes that have been started since `look`: their drivers' steps may have another size now."""
+        """Axes started since `look`; the size of their drivers' steps may have changed."""
         self._due_ticks: dict[int, int] = {}
-        """Tick at whose start the switches of an axis must be read next; an axis at rest is not in it."""
+        """By moving axis, tick at whose start its switches must be read next."""
         self._first_due_tick: int | None = None
-        """The first of these; None if there is none. It is asked for at every event, and changes seldom."""
+        """The first of these ticks; None if there is none. Every event reads it, and it rarely changes."""
         self._placed = False
-        """True if `place` tells where the rotors are, not the drivers' steps."""
+        """True if `place` sets the rotor positions, False if the drivers' steps do."""
         self._restless: set[int] = set()
-        """Axes whose switches may change though the firmware makes no steps."""
+        """Axes whose switches may change although the firmware makes no steps."""
         self._looked_tick = -1
-        """Tick at whose start the switches have been read last."""
+        """Tick at whose start the switches were last read."""
         self._bouncers: dict[tuple[int, DigitalInput], Bouncer] = {}
-        """The switches that bounce, by axis and input."""
+        """Bouncing switches by axis and input."""
         self._bounce_tick: int | None = None
-        """Tick at whose start a bouncing switch may show something else; None if none does."""
+        """Next tick at whose start a bouncing input may change; None if none bounces."""
         self._starts_seen = 0
-        """The motion's count of starts when moving axes were last collected: no other axis moves until it changes."""
+        """`BoardPulses.starts` when the moving axes were last collected. Until it changes, no other axis moves."""
 
     def _coupled_with(self, axis: int) -> set[int]:
-        """Return the axes with switches whose ways share a rotor with this one's, or with one of theirs, and itself."""
+        """Return the axes with switches whose travels share rotors with this one's, directly or indirectly."""
         coupled = {axis}
         while more := {each for each in self._switched if self._rotors_of([each]) & self._rotors_of(coupled)} - coupled:
             coupled |= more
         return coupled
 
     def leave_drivers(self) -> None:
-        """Follow the drivers' steps no more: from now on `place` tells where the rotors are."""
+        """Stop following the drivers' steps; from now on `place` sets the rotor positions."""
         self._placed = True
         self._followed = set()
 
     def place(self, rotors_substeps: Sequence[int]) -> bool:
-        """Let the switches follow the rotors to where they are; return True if one has changed."""
+        """Set the rotor positions; return whether a switch has changed."""
         self._rotors_substeps = list(rotors_substeps)
         changed = False
         for axis in self._switched:
@@ -130,13 +130,13 @@ class BoardInputs:
             changed |= self._axes[axis].move(position - self._axes[axis].position_substeps)
         return changed
 
-    def ways_to_change(self) -> list[tuple[Travel, int]]:
-        """Return, for each axis with switches, its way and the least distance on it, in substeps, to a change."""
+    def distances_to_change(self) -> list[tuple[Travel, int]]:
+        """Return, for each axis with switches, its travel and the shortest distance in substeps to a switch change."""
         return [(self._travels[axis], self._axes[axis].substeps_to_change) for axis in self._switched]
 
     @property
     def levels(self) -> list[DigitalInput]:
-        """Levels of each axis' inputs, as last read."""
+        """Input levels of each axis, as last read."""
         common = DigitalInput.ESTOP if self.emergency_stop else DigitalInput(0)
         return [
             axis.levels | common | general | driver
@@ -149,15 +149,15 @@ class BoardInputs:
         self._general[axis] = levels | which if on else levels & ~which
 
     def stick(self, axis: int, which: DigitalInput, *, closed: bool | None) -> None:
-        """Hold a switch of an axis closed or open, or let it follow the axis again (None)."""
+        """Hold a switch closed or open; None lets it follow the axis again."""
         self._axes[axis].stick(which, closed=closed)
 
     def cut(self, axis: int, which: DigitalInput, *, closed: bool | None) -> None:
-        """Break the wire of a switch, which then looks closed or open, or mend it (None)."""
+        """Break the wire of a switch, which then reads as closed or open; None repairs it."""
         self._axes[axis].cut(which, closed=closed)
 
     def let_bounce(self, axis: int, which: DigitalInput, bounces: int, within_us: int, seed: int) -> None:
-        """Let a switch bounce with each change from now on; no more with 0 bounces."""
+        """Make a switch bounce at each change from now on; 0 bounces ends this."""
         switches = self._axes[axis]
         switches.inverted &= ~which
         self._bouncers.pop((axis, which), None)
@@ -168,7 +168,7 @@ class BoardInputs:
             self._bounce_tick = None
 
     def _bounce(self, tick: int) -> None:
-        """Let the bouncing switches show what they show at the start of a tick."""
+        """Update the inputs of the bouncing switches at the start of a tick."""
         for (axis, which), bouncer in self._bouncers.items():
             switches = self._axes[axis]
             inverted = bouncer.inverted(tick, closed=bool(switches.contacts & which))
@@ -178,47 +178,55 @@ class BoardInputs:
 
     @property
     def stuck(self) -> list[DigitalInput]:
-        """The switches of each axis that are held at a level."""
+        """Switches of each axis that are held at a level."""
         return [axis.stuck for axis in self._axes]
 
     def restart_count(self) -> None:
-        """Expect the motion's count of starts to begin at 0 again, because the firmware has restarted."""
+        """Reset the seen number of starts, because the firmware has restarted and counts from 0."""
         self._starts_seen = 0
 
     @property
     def unsettled(self) -> bool:
-        """True while a switch may still change by motion that is computed already."""
+        """True while a switch may still change by computed motion."""
         return bool(self._due_ticks or self._restless or self._bounce_tick is not None)
 
     def moved(
         self, axis: int, counts: Int64Array, substeps: SubstepArray, *, held_pulses: int, step_substeps: int
     ) -> None:
-        """Take the moves of a rotor, the number of pulses that its driver may still count, and the driver's step."""
+        """Add moves of a rotor.
+
+        Args:
+            axis: axis of the rotor.
+            counts: shape (n,), instants.
+            substeps: shape (n,), moves at these instants.
+            held_pulses: number of pulses that the driver may still count.
+            step_substeps: size of the driver's present step.
+        """
         self._held_pulses[axis] = held_pulses
         self._step_substeps[axis] = step_substeps
         if axis in self._followed and counts.size:
             self._ahead[axis].append((counts, substeps))
 
     def shift(self, rotor: int, substeps: int, motion: BoardPulses) -> None:
-        """Turn a rotor by more than its driver has made, at the start of the next tick."""
+        """Turn a rotor in addition to its driver's steps, at the start of the next tick."""
         self._rotors_substeps[rotor] += substeps
         self.unsettle(rotor, motion)
 
     def unsettle(self, rotor: int, motion: BoardPulses) -> None:
-        """Read the switches that a rotor may reach with the next tick: it has moved, or its steps have changed."""
+        """Schedule reading the switches of a rotor at the next tick, because it has moved or its step size changed."""
         self._read_at(self._reached_by(rotor), motion.tick)
 
     def expect(self, rotors: set[int]) -> None:
-        """Expect these rotors to move at any time, though the firmware makes no steps, and no others."""
+        """Set the rotors that may move at any time although the firmware makes no steps."""
         self._restless = {axis for rotor in rotors for axis in self._reached_by(rotor)}
 
     @property
     def restless(self) -> bool:
-        """True if switches may change though the firmware makes no steps."""
+        """True if switches may change although the firmware makes no steps."""
         return bool(self._restless)
 
     def _reached_by(self, rotor: int) -> set[int]:
-        """Return the axes whose switches a rotor may change by its driver's steps."""
+        """Return the axes whose switches depend on a rotor's steps."""
         if self._placed:
             return set()
         return {axis for axis in self._switched if rotor in self._travels[axis].rotors}
@@ -229,7 +237,7 @@ class BoardInputs:
         self._first_due_tick = min(self._due_ticks.values(), default=None)
 
     def due_tick(self, motion: BoardPulses) -> int | None:
-        """Return the tick up to whose start no switch can change; None while no axis with switches moves."""
+        """Return the tick before which no switch can change; None while no axis with switches moves."""
         if motion.starts != self._starts_seen and not self._placed:
             self._starts_seen = motion.starts
             self._just_started.clear()
@@ -242,14 +250,14 @@ class BoardInputs:
         return due_tick
 
     def _running(self, axis: int, motion: BoardPulses) -> bool:
-        """Return whether a rotor moves along the way of an axis' switches."""
-        for rotor in self._travels[axis].rotors:  # noqa: SIM110  (any() costs time, at every look)
+        """Return whether a rotor moves along the travel of an axis' switches."""
+        for rotor in self._travels[axis].rotors:  # noqa: SIM110  (any() is slower, and this is called often)
             if motion.axes[rotor].running:
                 return True
         return False
 
     def _pulses_ahead(self, axis: int, motion: BoardPulses) -> int:
-        """Return the number of pulses that a rotor has made, or may have made, which the switches have not followed."""
+        """Return the number of (possible) pulses of a rotor that the switches have not followed yet."""
         most = 0
         for rotor in self._travels[axis].rotors:
             pulses = motion.axes[rotor].undrained_pulses + self._held_pulses[rotor]
@@ -259,7 +267,7 @@ class BoardInputs:
         return most
 
     def may_have_changed(self, motion: BoardPulses) -> bool:
-        """Return False if certainly no switch that is due has changed; `due_tick` is then later. True: call `look`."""
+        """Return False if no due switch can have changed, and move `due_tick`; if True, the caller calls `look`."""
         due = self._due(motion)
         bounces = self._bounce_tick is not None and self._bounce_tick <= motion.tick
         put_off = all(self._put_off(axis, motion) for axis in due)
@@ -267,7 +275,7 @@ class BoardInputs:
         return not put_off or bounces
 
     def due_rotors(self, motion: BoardPulses) -> set[int]:
-        """Return the rotors that switches follow which must be read at the start of the next tick."""
+        """Return the rotors of the switches that must be read at the start of the next tick."""
         return self._rotors_of(self._to_read(motion))
 
     def _rotors_of(self, axes: Iterable[int]) -> set[int]:
@@ -277,12 +285,12 @@ class BoardInputs:
         return [axis for axis, tick in self._due_ticks.items() if tick <= motion.tick]
 
     def _to_read(self, motion: BoardPulses) -> list[int]:
-        """Return the axes that are due, and those on whose ways their rotors turn too: all follow these at once."""
+        """Return the due axes and the axes whose travels share their rotors, which must follow together."""
         due = {other for axis in self._due(motion) for other in self._coupled[axis]}
         return [axis for axis in self._due_ticks if axis in due]
 
     def _put_off(self, axis: int, motion: BoardPulses) -> bool:
-        """Put an axis' due tick off if it has made fewer steps than there are to its next switch; return True if so."""
+        """Postpone an axis' due tick if its steps cannot have reached a switch; return whether it was postponed."""
         if axis in self._just_started:
             return False
         pulses, running = self._pulses_ahead(axis, motion), self._running(axis, motion)
@@ -296,7 +304,7 @@ class BoardInputs:
         return True
 
     def look(self, motion: BoardPulses) -> None:
-        """Let the switches that are due follow up to the start of the next tick; `due_rotors` are drained up to it."""
+        """Read the due switches at the start of the next tick; `due_rotors` must have been drained up to it."""
         self._looked_tick = motion.tick
         axes = self._to_read(motion)
         for rotor in self._rotors_of(axes):
@@ -312,7 +320,7 @@ class BoardInputs:
             self._bounce(motion.tick)
 
     def _steps_to_change(self, axis: int) -> int:
-        """Return the least number of steps until one of the axis' switches changes."""
+        """Return the smallest number of steps until one of the axis' switches changes."""
         return self._travels[axis].steps(self._axes[axis].substeps_to_change, self._step_substeps)
 
     def _settle(self, rotor: int, until_counts: int) -> None:
@@ -325,7 +333,7 @@ class BoardInputs:
         self._ahead[rotor] = ahead
 
     def _quiet_ticks(self, axis: int, steps: int, motion: BoardPulses) -> int:
-        """Return a number of ticks, 1 or more, before whose end none of an axis' rotors makes so many steps more."""
+        """Return a number of ticks, at least 1, in which each rotor of an axis makes fewer than `steps` steps."""
         if steps <= 0:
             return 1
         by_drivers = max(1, (steps - 1) * self._period_min_counts // TICK_COUNTS)

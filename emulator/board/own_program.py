@@ -1,7 +1,7 @@
-"""Our own firmware as the program of an emulated board, with what the emulator hears of it beside its pins and frames.
+"""StepTwin's firmware as the program of an emulated board, and its connections to the emulator.
 
-A host's program cannot see these: the records that an axis takes, the ramps of the group's time, and the entries of the
-object dictionary that only an emulator can supply.
+Beside pins and frames, the emulator receives the records that an axis accepts and the ramps of the group's time rate.
+It supplies the entries of the object dictionary that only an emulator can know.
 """
 
 from collections.abc import Callable
@@ -19,37 +19,37 @@ if TYPE_CHECKING:
     from steptwin.emulator.board.board import Board
 
 _DRIVER_ENTRIES = od.ROTOR_POSITION_STEPS, od.LOST_STEPS, od.DRIVER_VIOLATIONS, od.DRIVER_MICROSTEPS
-"""In the order of DriverMonitor's fields."""
+"""Entries in the order of DriverMonitor's fields."""
 _ROTOR_ENTRIES = od.SHAFT_POSITION, od.SLIPPED_FULL_STEPS
-"""In the order of Shaft's fields."""
+"""Entries in the order of Shaft's fields."""
 
 
 class OwnProgram:
-    """Our firmware, and the parameters that it has stored.
+    """StepTwin's firmware and its stored parameters.
 
     Attributes:
-        flash: the parameters, a page for each axis.
-        firmware: the firmware since the last power-up.
-        rate_ramps: ramps of the time of the axes that interpolate, since power-up or since they were taken last.
+        flash: stored parameters, one page for each axis.
+        firmware: firmware since the last power-up.
+        rate_ramps: ramps of the group's time rate, since power-up or since they were last taken.
     """
 
     def __init__(self, kernel: Kernel, axis_count: int, flash: list[FlashPage] | None = None) -> None:
-        """Store the program; `flash` holds parameters that were stored before, None for a new board."""
+        """Create the program; `flash` holds parameters that were stored before, None for a new board."""
         self.flash: list[FlashPage] = [FlashPage() for _ in range(axis_count)] if flash is None else flash
         self.rate_ramps: list[RateRamp] = []
         self._kernel = kernel
         self._on_record: dict[int, Callable[[PvtRecord], None]] = {}
-        """Listeners to the records of each axis' queue."""
+        """By axis, listener to the records that its queue accepts."""
 
     def start(self, board: "Board") -> Firmware:
-        """Return a new firmware, with the parameters that are stored."""
+        """Return a new firmware with the stored parameters."""
         config = board.config
         self.firmware: Firmware = Firmware(self._kernel, config.axis_count, self.flash, config.first_node_id)
         self.firmware.motion.group.on_ramp = self._note_ramp
         return self.firmware
 
     def connect(self, board: "Board") -> None:
-        """Give the firmware's dictionary what the board's drivers count; let the listeners hear it, too."""
+        """Connect the firmware's dictionary to the board's drivers, and the listeners to the firmware."""
         for axis, listener in self._on_record.items():
             self.on_record(board, axis, listener)
         timing, can = self.firmware.bit_timing, board.can
@@ -67,13 +67,13 @@ class OwnProgram:
         return ramps
 
     def on_record(self, board: "Board", axis: int, listener: Callable[[PvtRecord], None]) -> None:
-        """Call a listener with each PVT record that an axis' queue takes from now on."""
+        """Call a listener with each PVT record that an axis' queue accepts from now on."""
         self._on_record[axis] = listener
         self.firmware.nodes[axis].drive.interpolation.taken = []
         board.can.receive = self._receive_and_tell
 
     def _receive_and_tell(self, frame: Frame, now_counts: int) -> None:
-        """Pass a frame to the firmware; tell the listeners which records have been taken."""
+        """Pass a frame to the firmware, then accepted records to the listeners."""
         self.firmware.receive(frame, now_counts)
         for axis, listener in self._on_record.items():
             records = self.firmware.nodes[axis].drive.interpolation
@@ -83,7 +83,7 @@ class OwnProgram:
 
 
 class EmulatedAxis:
-    """The entries of one axis that only an emulator can supply (2F00h): its driver since power-up, and its rotor."""
+    """Entries of one axis that only an emulator can supply (2F00h): counts of its driver, and its rotor."""
 
     def __init__(self, board: "Board", axis: int) -> None:
         self._board = board
@@ -91,10 +91,10 @@ class EmulatedAxis:
         self._before = board.driver_counts(axis)._replace(microsteps=0)
 
     def count_at(self, address: int) -> int:
-        """Return a count of the driver since power-up, or its present mode."""
+        """Return a count of the driver since power-up, or the driver's present mode."""
         i = _DRIVER_ENTRIES.index(address)
         return self._board.driver_counts(self._axis)[i] - self._before[i]
 
     def rotor_at(self, address: int) -> int:
-        """Return where the rotor is, or by how much it has slipped."""
+        """Return the rotor's position, or the full steps by which it has slipped."""
         return self._board.shaft(self._axis)[_ROTOR_ENTRIES.index(address)]

@@ -1,1 +1,1 @@
-"""The CAN bus in virtual time, the controllers that stations have on it, and further CANopen nodes on it."""
+"""The CAN bus in virtual time, and the CAN controllers of its stations."""

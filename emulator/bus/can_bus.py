@@ -1,4 +1,4 @@
-"""A CAN bus in virtual time: arbitration by identifier, exact lengths of frames, errors, bus-off, a log."""
+"""A CAN bus in virtual time: arbitration by identifier, exact frame lengths, errors, bus-off, log."""
 
 from array import array
 from collections.abc import Callable
@@ -15,13 +15,13 @@ _ACK_SLOT_END_BITS: Final = UNSTUFFED_TAIL_BITS - 2
 """Bits from the end of the ACK slot to the end of the frame."""
 _FLAG_BITS: Final = 6
 _ECHOED_FLAG_BITS: Final = 7
-"""Bits of the sender's error flag and, one bit later, of the receivers' flags that answer it."""
+"""Bits of the sender's error flag and of the receivers' flags that follow it, which end one bit later."""
 _DELIMITER_BITS: Final = 8
 _SUSPEND_BITS: Final = 8
-"""Bits that an error passive station waits longer after a frame of its own (ISO 11898-1, suspend transmission)."""
+"""Additional bits that an error passive station waits after its own frame (ISO 11898-1, suspend transmission)."""
 _RECESSIVE_SEQUENCE_BITS: Final = 11
 _STUFF_ERROR_BITS: Final = 6
-"""Number of equal bits in a row by which every station sees that a frame is broken."""
+"""Number of consecutive equal bits that every station detects as an error."""
 
 
 Log = Callable[[Frame, int], None]
@@ -32,89 +32,88 @@ class _Outcome(Enum):
 
     VALID = auto()
     DOUBLED = auto()
-    """Valid for the receivers, but not for the senders, which send it again."""
+    """Valid for the receivers, but not for the senders, which repeat it."""
     DISTURBED = auto()
     UNACKNOWLEDGED = auto()
 
 
 _DELIVERED: Final = (_Outcome.VALID, _Outcome.DOUBLED)
-"""Results after which the receivers have the frame."""
+"""Outcomes in which the receivers have the frame."""
 _NO_EFFECT: Final = StrikeEffect()
-"""What happens to an attempt that no filter strikes."""
+"""Effect on an attempt without a filter strike."""
 
 
 class Bus:
     """The wire between the stations.
 
-    Work goes by events: `next_event_counts` says when the next event on the wire is due, `step` executes it and hands
-    valid frames to their receivers. The methods share the state of one transmission, from arbitration to its end, and
-    the list of stations in bus-off, so they belong together; frame lengths, error counters and filters are elsewhere
-    (`can_timing`, `fault_confinement`, `frame_filter`).
+    It works by events: `next_event_counts` is the instant of the next event, and `step` executes it and delivers valid
+    frames. The methods share the state of one transmission and the list of stations in bus-off. Frame lengths, error
+    counters and filters are in `can_timing`, `can_controller` and `frame_filter`.
     """
 
     def __init__(self, bitrate: int, log: Log | None = None) -> None:
-        """Make a bus without stations.
+        """Create a bus without stations.
 
         Args:
             bitrate: one of BITRATES.
-            log: called with each frame and the instant when it became valid; by default the bus keeps them.
+            log: called with each frame and the instant when it became valid; by default the bus stores them.
         """
         if bitrate not in BITRATES:
             raise ValueError(f"bit rate {bitrate} is not one of {', '.join(map(str, BITRATES))}")
         self.bitrate: Final = bitrate
-        """The rate for which the bus was made."""
+        """Nominal bit rate of the bus."""
         self.bit_counts: int = COUNTS_PER_SECOND // bitrate
-        """Duration of a bit of the host."""
+        """Duration of a bit at the host's bit rate."""
         self.host_bitrate: int = bitrate
-        """The rate of the host's station."""
+        """Bit rate of the host's station."""
         self._log = log or self._keep
         self.log_counts: array[int] = array("q")
-        """Instant when each frame became valid at its receivers; empty if `log` was given."""
+        """Instants when the frames became valid at their receivers; empty if `log` was given."""
         self.log_frames: list[Frame] = []
         self.frames: int = 0
         """Number of frames that became valid."""
         self.error_frames: int = 0
         """Number of transmissions that ended in an error frame."""
         self._busy_counts = 0
-        """Time for which frames and error frames have held the wire."""
+        """Time during which frames and error frames have occupied the wire."""
         self.next_event_counts: int | None = None
-        """Instant when a transmission ends, the next arbitration is held or a station returns from bus-off."""
+        """Instant of the next event: end of a transmission, arbitration, or a station's return from bus-off."""
         self.busy: bool = False
-        """True while a frame is on the wire, or a station has one to send now or after its bus-off."""
+        """True while a frame is on the wire, or waits for the wire or for the end of a bus-off."""
         self.filters: FiltersInForce = FiltersInForce()
-        """What may hold back, disturb, double or lose frames."""
+        """Active filters, which may delay, disturb, double or lose frames."""
         self._waiting: list[tuple[Frame, type[FrameFilter] | None]] = []
-        """Frames that still wait, with the filters that strike a frame only once and have struck it."""
+        """Waiting frames that a filter has struck, with its class, if that strikes a frame only once."""
         self._stations: list[CanController] = []
         self._off: list[CanController] = []
-        """The stations in bus-off."""
+        """Stations in bus-off."""
         self._detuned: list[CanController] = []
-        """The stations on the bus whose bit rate is not the host's."""
+        """Stations on the bus with another bit rate than the host."""
         self._on_bus = 0
-        """Number of stations that are on the bus and have the host's bit rate."""
+        """Number of stations on the bus with the host's bit rate."""
         self._frame: Frame | None = None
-        """Frame on the wire; None while the wire is free."""
+        """Frame on the wire; None while the wire is idle."""
         self._decided_counts = 0
-        """Instant when that frame is valid, or when its error flag ends."""
+        """Instant when the frame becomes valid, or its error flag ends."""
         self._outcome = _Outcome.VALID
         self._senders: list[CanController] = []
         self._outdone: list[CanController] = []
-        """Stations that began to send a different frame with the same identifier."""
+        """Stations that have begun to send a different frame with the same identifier."""
         self._missed_by: list[CanController] = []
         self._struck_by: type[FrameFilter] | None = None
-        """The class of the filter that has struck last; None before the first strike."""
+        """Class of the filter that has struck last; None before the first strike."""
         self._free_counts = 0
         self._idle_since_counts = 0
-        """Instant up to which recessive bits are counted for the stations in bus-off."""
+        """Instant up to which recessive bits have been counted for the stations in bus-off."""
 
     @property
     def busy_bits(self) -> int:
-        """Time for which frames and error frames have held the wire, in bits of the rate for which it was made."""
+        """Time during which frames and error frames have occupied the wire, in bits at the nominal rate."""
         return self._busy_counts * self.bitrate // COUNTS_PER_SECOND
 
     @property
     def free_counts(self) -> int:
-        """Instant when the next frame may begin: the end of the last one's intermission."""
+        """Earliest start of the next frame: the end of the last intermission."""
         return self._free_counts
 
     def attach(self, station: CanController) -> None:
@@ -128,22 +127,22 @@ class Bus:
         station.connect(self._submitted, self._retuned)
 
     def _retuned(self) -> None:
-        """Take note that a station has left the bus, or is on it again, perhaps with another bit rate."""
+        """Update the stations after one has left the bus, or has returned, perhaps with another bit rate."""
         self._note_who_is_off()
         if self._frame is None:
             self._schedule()
 
     def set_host_bitrate(self, host: CanController, bitrate: int) -> None:
-        """Let the host's station have another bit rate, one of BITRATES, from the next frame on.
+        """Change the bit rate of the host's station to one of BITRATES, from the next frame on.
 
-        Stations with another rate than the host's take each of its frames for an error, and it theirs. This also goes
-        for two of them with the same rate: the bus knows one rate at a time.
+        Stations with another rate than the host see each of its frames as an error, and vice versa. The bus has one
+        rate at a time: two stations with the same other rate do not understand each other either.
         """
         self.host_bitrate, self.bit_counts = bitrate, COUNTS_PER_SECOND // bitrate
         host.tune(bitrate)
 
     def listen(self, listener: Log) -> None:
-        """Call a listener with each frame that becomes valid from now on, before its receivers get it."""
+        """Call a listener with each frame that becomes valid from now on, before the receivers."""
         log = self._log
 
         def log_and_tell(frame: Frame, now_counts: int) -> None:
@@ -153,13 +152,13 @@ class Bus:
         self._log = log_and_tell
 
     def _submitted(self, now_counts: int) -> None:
-        """Let a station that has a frame to send take part in the next arbitration."""
+        """Schedule an arbitration for a station that has a frame to send."""
         if self._frame is None and not (self.busy and self.next_event_counts == self._free_counts):
             self._free_counts = now_counts if now_counts > self._free_counts else self._free_counts
             self._schedule()
 
     def _schedule(self) -> None:
-        """Find the next event on a wire that carries no frame."""
+        """Determine the next event of an idle wire."""
         next_counts, self.busy = None, False
         for station in self._stations:
             if station.mailboxes:
@@ -176,7 +175,7 @@ class Bus:
         self.next_event_counts = next_counts
 
     def step(self, now_counts: int) -> None:
-        """Execute the event that is due: the end of a transmission, a return from bus-off, an arbitration."""
+        """Execute the due event: end of a transmission, return from bus-off, or arbitration."""
         if self.next_event_counts is None or self.next_event_counts > now_counts:
             return
         if self._frame:
@@ -191,10 +190,10 @@ class Bus:
     # --- a transmission
 
     def _arbitrate(self, now_counts: int) -> None:
-        """Let the frame with the lowest identifier win; stations with equal identifiers send on together.
+        """Let the frame with the lowest identifier win; stations with equal identifiers continue together.
 
-        Where the bits of these differ, the stations with a recessive bit have a bit error. The error flag of an error
-        active station destroys the frame; that of an error passive one is recessive and harmless.
+        If their bits differ later, the stations with a recessive bit detect a bit error. The error flag of an error
+        active station destroys the frame; that of an error passive station is recessive and has no effect.
         """
         if self._free_counts > now_counts:
             return
@@ -225,7 +224,7 @@ class Bus:
             self._begin(frame, senders, outdone, effect, now_counts)
 
     def _strike(self, frame: Frame, now_counts: int) -> StrikeEffect:
-        """Return what a filter does to an attempt; frames that wait are known by identity, since bytes may repeat."""
+        """Return the effect of a filter on an attempt. Waiting frames are compared by identity, as bytes may repeat."""
         struck_by = self.filters.strike(frame, now_counts, [kind for each, kind in self._waiting if each is frame])
         if struck_by is None:
             return _NO_EFFECT
@@ -235,21 +234,18 @@ class Bus:
         return effect
 
     def end_filter(self, ended: FrameFilter, now_counts: int) -> None:
-        """Let a filter strike no more; one that is not there changes nothing."""
+        """Remove a filter, if it is active."""
         self.filters.end(ended)
         if ended.effect().hold_counts:
             self._release(now_counts)
 
     def end_filters(self, now_counts: int) -> None:
-        """Let no filter strike any more."""
+        """Remove all filters."""
         self.filters.end_all()
         self._release(now_counts)
 
     def _release(self, now_counts: int) -> None:
-        """Let the stations that a delay holds back take part in the next arbitration, after the longest pause at most.
-
-        That pause is the one of an error passive station.
-        """
+        """Let delayed stations take part in the next arbitration, after at most the pause of error passive stations."""
         latest_counts = now_counts + _SUSPEND_BITS * self.bit_counts
         for station in self._stations:
             station.silent_until_counts = min(station.silent_until_counts, latest_counts)
@@ -257,21 +253,16 @@ class Bus:
             self._schedule()
 
     def _judge(self, senders: list[CanController], outdone: list[CanController], effect: StrikeEffect) -> _Outcome:
-        if effect.disturbed or self._garbled(senders + outdone):
+        if effect.disturbed:
             return _Outcome.DISTURBED
+        for station in self._detuned:  # a sender's wrong bit rate is an error for all others
+            if station in senders or station in outdone or station.state is not ErrorState.PASSIVE:
+                return _Outcome.DISTURBED  # or a receiver's error flag, which is dominant unless it is error passive
         if outdone and any(station.state is not ErrorState.PASSIVE for station in outdone):
             return _Outcome.DISTURBED
-        if self._on_bus == len(senders) + len(outdone):  # no station is left to acknowledge
+        if self._on_bus == len(senders) + len(outdone):  # no other station can acknowledge
             return _Outcome.UNACKNOWLEDGED
         return _Outcome.DOUBLED if effect.doubled else _Outcome.VALID
-
-    def _garbled(self, senders: list[CanController]) -> bool:
-        """Return whether a wrong bit rate destroys a frame.
-
-        A sender's makes it an error for the others. A receiver's error flag destroys it as long as that receiver is
-        error active; that of an error passive one is recessive.
-        """
-        return any(station in senders or station.state is not ErrorState.PASSIVE for station in self._detuned)
 
     def _begin(
         self,
@@ -281,10 +272,10 @@ class Bus:
         effect: StrikeEffect,
         now_counts: int,
     ) -> None:
-        """Put a frame on the wire.
+        """Begin the transmission of a frame.
 
-        A disturbance is noticed at the end of the CRC, where it costs most time; one that doubles the frame in the last
-        bit of EOF, for which receivers do not wait (ISO 11898-1).
+        A disturbance is detected at the end of the CRC, which costs most time. A disturbance that doubles the frame is
+        in the last bit of EOF, for which receivers do not wait (ISO 11898-1).
         """
         bits = frame_bits(frame)
         decided_bits = bits - VALID_BEFORE_END_BITS
@@ -368,9 +359,9 @@ class Bus:
     # --- power
 
     def exchange(self, gone: CanController, fresh: CanController, now_counts: int) -> None:
-        """Replace the controller of a station that has lost its power and has it back.
+        """Replace the controller of a station after a power cycle.
 
-        A frame that the station was sending breaks off. A frame that is on the wire does not reach the new controller.
+        A frame that the station was sending breaks off. A frame on the wire does not reach the new controller.
         """
         self._stations[self._stations.index(gone)] = fresh
         self._connect(fresh)
@@ -382,9 +373,9 @@ class Bus:
             self._schedule()
 
     def _drop_out(self, gone: CanController, fresh: CanController, now_counts: int) -> None:
-        """Take a station out of the transmission in progress.
+        """Remove a station from the present transmission.
 
-        Without its only sender the wire stays recessive, which is a stuff error while stuffed bits are due.
+        Without its only sender the wire stays recessive, which is a stuff error within the stuffed part of the frame.
         """
         self._senders = [station for station in self._senders if station is not gone]
         self._outdone = [station for station in self._outdone if station is not gone]
@@ -400,14 +391,14 @@ class Bus:
         self._outcome = _Outcome.DISTURBED
         self.next_event_counts = self._decided_counts = broken_counts
 
-    # --- the way back from bus-off
+    # --- recovery from bus-off
 
     def _count_recessive(self, sequences: int) -> None:
         for station in self._off:
             station.recovery_sequences_left -= sequences
 
     def _count_idle(self, now_counts: int) -> None:
-        """Count the recessive sequences of an idle wire up to now; an incomplete sequence does not count."""
+        """Count the complete recessive sequences of an idle wire up to now."""
         idle_counts = now_counts - self._idle_since_counts
         self._count_recessive(idle_counts // (_RECESSIVE_SEQUENCE_BITS * self.bit_counts))
         self._idle_since_counts = now_counts
@@ -424,7 +415,7 @@ class Bus:
         self._note_who_is_off()
 
     def throw_off(self, station: CanController, now_counts: int) -> None:
-        """Put a station into bus-off, if it is not; a frame that it is sending breaks off."""
+        """Force a station into bus-off; a frame that it is sending breaks off."""
         if not station.on_bus:
             return
         if self._frame:
@@ -445,5 +436,5 @@ class Bus:
 
 
 def _bits_in_order(frame: Frame) -> tuple[int, int, bytes]:
-    """Return the fields that differ between frames in their order on the wire; the lesser frame is dominant first."""
+    """Return the fields of a frame in their order on the wire; the lower of two frames has the first dominant bit."""
     return frame.cob_id, len(frame.data), frame.data

@@ -1,12 +1,12 @@
-"""Model the STM32F103's CAN controller, bxCAN (RM0008, chapter 24), and the software that fills and empties it.
+"""Model the CAN controller of the STM32F103, bxCAN (RM0008, chapter 24), and the software that fills and empties it.
 
-Three transmit mailboxes are sent by identifier, the lowest first (TXFP = 0), unless `in_order` is set. A frame that
-finds no mailbox free waits in the software's queue; a board sends none before one is free, since its firmware has a
-queue of its own (`controller/node/transmit_queue.py`). Two receive FIFOs hold three messages each; a message for a full
-FIFO is lost (RFLM = 1) and flagged as overrun. After bus-off the controller returns automatically (ABOM = 1).
+Three transmit mailboxes are sent by identifier, lowest first (TXFP = 0), unless `in_order` is set. Without a free
+mailbox a frame waits in a software queue. A board's firmware has its own queue (`controller/node/transmit_queue.py`)
+and sends a frame only to a free mailbox. Two receive FIFOs hold three frames each; a frame for a full FIFO is lost
+(RFLM = 1) and flagged as overrun. After bus-off the controller returns automatically (ABOM = 1).
 
-Its error counters lead to the error states of ISO 11898-1, fault confinement. Thresholds, and the receive counter after
-a good reception in error passive, are bxCAN's (RM0008, section 24.7.6 and CAN_ESR).
+The error counters determine the error states of fault confinement (ISO 11898-1). The thresholds, and the receive
+counter after a good reception in error passive, are those of bxCAN (RM0008, section 24.7.6 and CAN_ESR).
 """
 
 from bisect import insort
@@ -23,13 +23,13 @@ _PASSIVE_ABOVE = 127
 _BUS_OFF_ABOVE = 255
 _COUNTER_MAX = 255
 _RECEIVE_RESET = 120
-"""Value of a receive counter above 128 after a good reception."""
+"""Value to which a good reception sets a receive counter above 128."""
 _SENDER_STEP = 8
 _FIRST_STEP = 8
 
 
 class ErrorState(Enum):
-    """A controller's error state."""
+    """Error state of a controller."""
 
     ACTIVE = "error active"
     WARNING = "error warning"
@@ -38,10 +38,10 @@ class ErrorState(Enum):
 
 
 class FaultConfinement:
-    """TEC and REC of one controller: a failed frame adds 8 at its sender and 1 at each receiver, a good one takes 1.
+    """Error counters TEC and REC: a failed frame adds 8 at its sender and 1 at receivers; a good frame subtracts 1.
 
-    A receiver that is the first to notice an error adds 8. A disturbance on this bus hits all of them at once, so only
-    a controller with a wrong bit rate is ever the first.
+    A receiver that detects an error first adds 8. On this bus all receivers see a disturbance at the same time, so only
+    a controller with a wrong bit rate can be first.
     """
 
     def __init__(self) -> None:
@@ -50,7 +50,7 @@ class FaultConfinement:
 
     @property
     def state(self) -> ErrorState:
-        """Error state that follows from the counters."""
+        """Error state by the counters."""
         worst = max(self.transmit_errors, self.receive_errors)
         if self.transmit_errors > _BUS_OFF_ABOVE:
             return ErrorState.BUS_OFF
@@ -71,12 +71,12 @@ class FaultConfinement:
             self.receive_errors -= 1
 
     def sending_failed(self, *, acknowledged: bool = True) -> None:
-        """Count an error in a frame of its own, but no missing acknowledgement in error passive: it may be alone."""
+        """Count an error in its own frame, except a missing acknowledgement in error passive: it may be alone."""
         if acknowledged or self.state is not ErrorState.PASSIVE:
             self.transmit_errors += _SENDER_STEP
 
     def receiving_failed(self, *, first: bool = False) -> None:
-        """Count an error in another station's frame; more if no other station has noticed it before."""
+        """Count an error in another station's frame; `first`: it has detected the error before all others."""
         self.receive_errors = min(self.receive_errors + (_FIRST_STEP if first else 1), _COUNTER_MAX)
 
     def force_bus_off(self) -> None:
@@ -84,17 +84,17 @@ class FaultConfinement:
         self.transmit_errors = _BUS_OFF_ABOVE + 1
 
     def reset(self) -> None:
-        """Set the counters as after power-up, or after bus-off."""
+        """Reset the counters, as after power-up or bus-off."""
         self.transmit_errors = self.receive_errors = 0
 
 
 MAILBOXES: Final = 3
 FIFO_DEPTH: Final = 3
 RECOVERY_SEQUENCES: Final = 128
-"""Number of sequences of 11 recessive bits before a controller leaves bus-off (ISO 11898-1; RM0008, 24.7.6)."""
+"""Sequences of 11 recessive bits until a controller leaves bus-off (ISO 11898-1; RM0008, 24.7.6)."""
 
 _NEVER_SEQUENCES: Final = 1 << 40
-"""More recessive sequences than a bus ever has: without power no controller returns by itself."""
+"""More recessive sequences than ever occur: a controller without power does not return by itself."""
 
 _SDO_REQUESTS: Final = range(COB_SDO_REQUEST + 1, COB_SDO_REQUEST + NODE_ID_MAX + 1)
 
@@ -103,17 +103,17 @@ Filter = Callable[[int], bool]
 
 
 class ErrorListener(Protocol):
-    """Called when an error of the controller occurs and when it is over."""
+    """Called when an error of the controller begins and when it ends."""
 
     def __call__(self, code: ErrorCode, now_counts: int, /, *, active: bool) -> None: ...
 
 
 BusOffListener = Callable[[int], None]
-"""Called when the controller goes into bus-off, with the instant."""
+"""Called with the instant when the controller goes into bus-off."""
 
 
 def unheard(_frame: Frame, _now_counts: int) -> None:
-    """Ignore frames: for a station without a receiver or without interest in its sent frames."""
+    """Ignore frames; for a station that does not receive, or does not need its sent frames."""
 
 
 def _everything(_cob_id: int) -> bool:
@@ -121,15 +121,15 @@ def _everything(_cob_id: int) -> bool:
 
 
 def _at_ease(_now_counts: int) -> None:
-    """Ignore that the controller goes into bus-off."""
+    """Ignore bus-off."""
 
 
 def _nothing(_code: ErrorCode, _now_counts: int, *, active: bool) -> None:
-    """Ignore the controller's errors."""
+    """Ignore errors of the controller."""
 
 
 class CanController:
-    """One station on the bus. The bus calls `connect`; the owner calls `poll` at `next_due_counts`."""
+    """CAN controller of one station. The bus calls `connect`; the station calls `poll` at `next_due_counts`."""
 
     def __init__(
         self,
@@ -145,14 +145,14 @@ class CanController:
         """Connect a processor.
 
         Args:
-            receive: called with each message and the instant.
-            on_error: called at overrun, error passive and the return from bus-off.
-            passes: acceptance filter: returns True if a COB-ID is received.
-            read_latency_counts: time from a message's arrival until it is fetched from its FIFO. 0, an interrupt
-                without delay, never overruns.
-            on_sent: called with each frame of the station's own that was sent, and the instant.
-            on_bus_off: called when the controller goes into bus-off, by which the processor is interrupted (BOFF).
-            in_order: True to send mailboxes in the order that they were filled (TXFP = 1), not by identifier.
+            receive: called with each received frame and the instant.
+            on_error: called at overrun, error passive and return from bus-off.
+            passes: acceptance filter: returns True for a COB-ID that is received.
+            read_latency_counts: time from a frame's arrival until it is read from its FIFO. With 0 (an interrupt
+                without delay) there is no overrun.
+            on_sent: called with each sent frame of this station and the instant.
+            on_bus_off: called at bus-off, like the interrupt BOFF.
+            in_order: True to send mailboxes in the order in which they were filled (TXFP = 1), not by identifier.
         """
         self.errors: FaultConfinement = FaultConfinement()
         self.state: ErrorState = ErrorState.ACTIVE
@@ -160,30 +160,30 @@ class CanController:
         """True while the station sends, receives and acknowledges; False in bus-off."""
         self.read_latency_counts = read_latency_counts
         self.mailboxes: list[Frame] = []
-        """Frames that wait for the bus, in the order that they are sent.
+        """Frames that wait for the bus, in the order in which they will be sent.
 
-        All identifiers differ: of two equal ones bxCAN would send the frame in the lower mailbox first, which may be
-        the newer. So a frame waits in the queue until no mailbox has its identifier."""
+        All identifiers differ. If two mailboxes had the same one, bxCAN would send the lower mailbox first, which may
+        hold the newer frame. So a frame waits in the queue until no mailbox has its identifier."""
         self.idle_since_counts: int = 0
-        """Instant when the last frame of the station's own was sent."""
+        """Instant when the station's last frame was sent."""
         self.submitted: Callable[[int], None] = lambda _now_counts: None
         """Called when there is a frame to send; the bus sets it by `connect`."""
         self.bitrate: int | None = None
-        """In bit/s; None, before the controller is connected: that for which the bus was made."""
+        """Bit rate in bit/s; None for the nominal rate of the bus."""
         self._retuned: Callable[[], None] = lambda: None
         self.silent_until_counts = 0
-        """Instant before which the station does not begin to send."""
+        """Instant before which the station does not start a transmission."""
         self.recovery_sequences_left: int = 0
-        """Number of sequences of 11 recessive bits that are still missing, in bus-off."""
+        """Remaining sequences of 11 recessive bits in bus-off."""
         self.overruns: int = 0
-        """Number of messages lost so far because their FIFO was full."""
+        """Number of frames lost because their FIFO was full."""
         self.receive = receive
         self.on_sent = on_sent
         self._in_order = in_order
         self._on_error = on_error
         self._on_bus_off = on_bus_off
         self._active: set[ErrorCode] = set()
-        """Errors that have occurred and are not over."""
+        """Active errors."""
         self._passes = passes
         self._queue: deque[Frame] = deque()
         self._fifos: tuple[deque[Frame], deque[Frame]] = (deque(), deque())
@@ -195,7 +195,7 @@ class CanController:
     # --- out
 
     def connect(self, submitted: Callable[[int], None], retuned: Callable[[], None]) -> None:
-        """Call the bus when there is a frame to send, and when the controller leaves it or has another bit rate."""
+        """Connect the bus; `submitted` announces a frame to send, `retuned` a change of bit rate or presence."""
         self.submitted, self._retuned = submitted, retuned
 
     @property
@@ -205,15 +205,15 @@ class CanController:
 
     @property
     def has_free_mailbox(self) -> bool:
-        """True if a frame would not have to wait for a mailbox, unless one of them has its identifier."""
+        """True if a mailbox is free."""
         return len(self.mailboxes) < MAILBOXES
 
     def send(self, frame: Frame, now_counts: int) -> None:
-        """Send a frame as soon as the bus lets it; one that finds no mailbox waits in a queue without limit."""
+        """Send a frame as soon as possible; without a free mailbox it waits in an unlimited queue."""
         if self.mailboxes:
             self._queue.append(frame)
             self._fill_mailboxes()
-        else:  # then nothing waits in the queue either
+        else:  # then the queue is empty, too
             self.mailboxes.append(frame)
         self.submitted(now_counts)
 
@@ -228,7 +228,7 @@ class CanController:
                 insort(mailboxes, queue.popleft())
 
     def sent(self, frame: Frame, now_counts: int) -> None:
-        """Remove a frame that was sent and acknowledged."""
+        """Remove a frame that has been sent and acknowledged."""
         self.mailboxes.remove(frame)
         self.idle_since_counts = now_counts
         if self.on_sent is not unheard:
@@ -242,7 +242,7 @@ class CanController:
     # --- in
 
     def received(self, frame: Frame, now_counts: int) -> None:
-        """Take a valid frame from the bus, unless the filter rejects it."""
+        """Receive a valid frame, unless the filter rejects it."""
         if self.errors.receive_errors or self._active:
             self.errors.received()
             self._note_good_frame(now_counts)
@@ -254,7 +254,7 @@ class CanController:
             self._store(frame, now_counts)
 
     def _store(self, frame: Frame, now_counts: int) -> None:
-        """Store a message in its FIFO: SDO requests in FIFO 1, so as not to displace process data in FIFO 0."""
+        """Store a frame in its FIFO: SDO requests in FIFO 1, so they do not displace process data in FIFO 0."""
         number = int(frame.cob_id in _SDO_REQUESTS)
         if len(self._fifos[number]) == FIFO_DEPTH:
             self.overruns += 1
@@ -265,7 +265,7 @@ class CanController:
             self.next_due_counts = now_counts + self.read_latency_counts
 
     def poll(self, now_counts: int) -> None:
-        """Let the processor empty both FIFOs if it is due. An overrun has ended when its flag is clear."""
+        """Let the processor read both FIFOs if that is due. An overrun ends when its flag is clear."""
         if self.next_due_counts is None or self.next_due_counts > now_counts:
             return
         self.next_due_counts = None
@@ -281,32 +281,32 @@ class CanController:
     # --- errors
 
     def sending_failed(self, now_counts: int, *, acknowledged: bool = True) -> None:
-        """Count an error in a frame of this station; the frame stays in its mailbox and is sent again (NART = 0)."""
+        """Count an error in a frame of this station; the frame stays in its mailbox and is repeated (NART = 0)."""
         self.errors.sending_failed(acknowledged=acknowledged)
         self._note_worse_state(now_counts)
 
     def receiving_failed(self, now_counts: int, *, first: bool = False) -> None:
-        """Count an error in another station's frame; `first` if no other station has noticed it before."""
+        """Count an error in another station's frame; `first`: it has detected the error before all others."""
         self.errors.receiving_failed(first=first)
         self._note_worse_state(now_counts)
 
     def power_down(self) -> None:
-        """Be without power or in reset: neither send nor receive nor acknowledge, until `power_up`."""
+        """Lose power or enter reset: no sending, receiving or acknowledging until `power_up`."""
         self.on_bus = False
         self.recovery_sequences_left = _NEVER_SEQUENCES
 
     def power_up(self) -> None:
-        """Take part in the bus; the caller attaches the controller again."""
+        """Return to the bus; the caller attaches the controller again."""
         self.on_bus = True
         self.recovery_sequences_left = 0
 
     def fall_silent(self) -> None:
-        """Leave the bus, as a controller that is initialised, until `tune`; a frame on the wire still ends."""
+        """Leave the bus until `tune`, like a controller in initialisation; a frame on the wire still ends."""
         self.power_down()
         self._retuned()
 
     def tune(self, bitrate: int | None) -> None:
-        """Be on the bus with this bit rate, without errors; None: with the rate that it has."""
+        """Return to the bus with this bit rate (None: the present one) and without errors."""
         self.bitrate = bitrate or self.bitrate
         self.errors.reset()
         self.state = ErrorState.ACTIVE
@@ -314,7 +314,7 @@ class CanController:
         self._retuned()
 
     def force_bus_off(self, now_counts: int) -> None:
-        """Leave the bus as after too many failed attempts."""
+        """Go into bus-off, as after too many failed attempts."""
         self.errors.force_bus_off()
         self._note_worse_state(now_counts)
 
@@ -336,7 +336,7 @@ class CanController:
         self._note_error(ErrorCode.CAN_BUS_OFF_RECOVERED, now_counts, active=False)
 
     def recover(self, now_counts: int) -> None:
-        """Become error active again after bus-off; report the return as an error until a frame has passed."""
+        """Become error active after bus-off; report this as an error until a frame has been transferred."""
         self.errors.reset()
         self.state = ErrorState.ACTIVE
         self.on_bus = True
@@ -344,7 +344,7 @@ class CanController:
         self._note_error(ErrorCode.CAN_ERROR_PASSIVE, now_counts, active=False)
 
     def _note_error(self, code: ErrorCode, now_counts: int, *, active: bool) -> None:
-        """Tell the processor of an error that occurred or is over, once."""
+        """Report the begin or end of an error to the processor, once."""
         if active is (code in self._active):
             return
         if active:

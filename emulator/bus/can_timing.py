@@ -1,9 +1,9 @@
 """Count the bits of a CAN data frame on the wire, stuff bits included (ISO 11898-1, classical base format).
 
 Fields: SOF 1, identifier 11, RTR 1, IDE 1, r0 1, DLC 4, data 8n, CRC 15; then, unstuffed, CRC delimiter 1, ACK 2,
-EOF 7 and intermission 3. After five equal bits a stuff bit of the other value follows and begins the next run. Tables
-give CRC and stuff bits a byte at a time, since every frame of a run passes here. The CRC is linear: it is the XOR of
-the CRCs that each byte would have alone, with zeros in place of the others.
+EOF 7 and intermission 3. After five equal bits a stuff bit of the other value follows; it begins the next run. Tables
+give CRC and stuff bits per byte, because every frame of a run is counted here. The CRC is linear: it is the XOR of the
+CRCs of the single bytes with zeros in place of the other bytes.
 """
 
 from typing import Final, TypeAlias
@@ -14,7 +14,7 @@ UNSTUFFED_TAIL_BITS: Final = 13
 """Bits from the end of the CRC to the end of the intermission."""
 INTERMISSION_BITS: Final = 3
 VALID_BEFORE_END_BITS: Final = INTERMISSION_BITS + 1
-"""A receiver takes a frame as valid at the last but one bit of EOF (ISO 11898-1)."""
+"""For a receiver a frame is valid at the last but one bit of EOF (ISO 11898-1)."""
 _CRC_POLYNOMIAL: Final = 0x4599
 _RUN_LENGTH: Final = 5
 _HEADER_BITS: Final = 19
@@ -25,7 +25,7 @@ _RUNS_PER_LEVEL: Final = 4
 
 
 def _stuff(state: int, value: int, width: int) -> tuple[int, int]:
-    """Pass the `width` bits of a value, most significant first; return the state after them and the stuff bits."""
+    """Process the `width` bits of a value, most significant first; return the new state and the stuff bits."""
     last, run = state // _RUNS_PER_LEVEL, state % _RUNS_PER_LEVEL + 1
     stuffed = 0
     for position in range(width - 1, -1, -1):
@@ -39,7 +39,7 @@ def _stuff(state: int, value: int, width: int) -> tuple[int, int]:
 
 
 def _crc_after_zeros(crc: int, zeros: int) -> int:
-    """Return the CRC after this number of further zero bits."""
+    """Return the CRC after `zeros` further zero bits."""
     for _ in range(zeros):
         crc = (crc << 1 ^ (_CRC_POLYNOMIAL if crc & 0x4000 else 0)) & 0x7FFF
     return crc
@@ -53,12 +53,12 @@ def _crc_tables() -> tuple[tuple[int, ...], ...]:
 
 
 _CRC_TABLES: Final = _crc_tables()
-"""Contribution of each byte value to the CRC: one table for each of the last eight bytes, in the order of sending."""
+"""Contribution of each byte value to the CRC: one table for each of the eight bytes, in the order of sending."""
 
 _Row: TypeAlias = "list[tuple[_Row, int]]"
-"""Row of one stuffing state: for each value that may follow, the row of the next state and the number of stuff bits.
+"""Row of one stuffing state: for each following value, the row of the next state and the number of stuff bits.
 
-The first 256 places are for values of 8 bits; from _SEVEN_BITS on they are for values of 7 bits.
+The first 256 places are for values of 8 bits; the places from _SEVEN_BITS on are for values of 7 bits.
 """
 _SEVEN_BITS: Final = 256
 
@@ -75,20 +75,20 @@ def _rows() -> list[_Row]:
 _ROWS: Final = _rows()
 _Header: TypeAlias = "tuple[int, tuple[tuple[int, ...], ...], _Row, int]"
 _headers: Final[dict[int, _Header]] = {}
-"""The headers that frames have had so far, by identifier and length."""
+"""Cache of headers, by identifier and length."""
 
 
 def _header(cob_id: int, length: int) -> _Header:
-    """Return the effect of the header, SOF to DLC, on the rest of the frame, from the identifier and the length.
+    """Return the header's (SOF to DLC) effect on the rest of the frame.
 
-    The parts: the header's contribution to the CRC, the CRC tables of the bytes that follow, the row of the stuffing
+    The parts are the header's contribution to the CRC, the CRC tables of the following bytes, the row of the stuffing
     state after the header, and the number of its stuff bits.
     """
     bits = cob_id << 7 | length
     crc = 0
     for position in range(_HEADER_BITS - 1, -1, -1):
         crc = _crc_after_zeros(crc ^ (bits >> position & 1) << 14, 1)
-    # SOF is a 0 that begins its own run: state 0 after it, then the other 18 bits.
+    # SOF is a 0 and the first bit of a run: the state after it is 0. Then follow the other 18 bits.
     state, stuffed = _stuff(0, bits, _HEADER_BITS - 1)
     return _crc_after_zeros(crc, 8 * length), _CRC_TABLES[_DATA_BYTES_MAX - length :], _ROWS[state], stuffed
 
@@ -101,7 +101,7 @@ def frame_bits(frame: Frame) -> int:
     if begins not in _headers:
         _headers[begins] = _header(cob_id, length)
     crc, crc_tables, row, stuffed = _headers[begins]
-    for byte, crc_of in zip(data, crc_tables):  # noqa: B905  (equally long; the check costs time)
+    for byte, crc_of in zip(data, crc_tables):  # noqa: B905  (equal lengths; the check costs time)
         crc ^= crc_of[byte]
         row, more = row[byte]
         stuffed += more

@@ -1,6 +1,6 @@
-"""Hold back, disturb, double or lose frames at the instant when a station begins to send: what a filter may do.
+"""Filters that delay, disturb, double or lose frames at the instant when a station begins to send.
 
-Which frames a filter strikes and how often is data: equal filters and seeds give equal strikes.
+A filter is data: it selects the frames, and how often it strikes them. Equal filters and seeds give equal strikes.
 """
 
 from collections.abc import Callable, Collection, Container
@@ -12,14 +12,14 @@ from steptwin.protocol.frame import Frame
 
 
 class StrikeEffect(NamedTuple):
-    """What a strike does to an attempt to send; the bus carries it out.
+    """Effect of a strike on an attempt to send; the bus executes it.
 
     Attributes:
         hold_counts: time that the senders wait before they try again; 0 for none.
-        sender_off: the senders go into bus-off.
-        disturbed: the frame is disturbed before its receivers have it.
-        doubled: the frame is disturbed when its receivers have it.
-        lost_by: places of the stations on the bus that do not receive the frame.
+        sender_off: True if the senders go into bus-off.
+        disturbed: True if the frame is disturbed before its receivers have it.
+        doubled: True if the frame is disturbed after its receivers have it.
+        lost_by: slice of the bus' list of stations that do not receive the frame.
     """
 
     hold_counts: int = 0
@@ -30,43 +30,43 @@ class StrikeEffect(NamedTuple):
 
 
 class FrameFilter(Protocol):
-    """Strikes the attempts to send which fulfil all its conditions, from its beginning to its end.
+    """Strikes the attempts to send that fulfil all its conditions, while it is active.
 
-    Filters of one class hold back or double a frame only once.
+    Filters of one class delay or double a frame only once.
     """
 
     @property
     def do(self) -> str:
-        """What it is called in reports."""
+        """Name in reports."""
         ...
 
     @property
     def cob_ids(self) -> Collection[int]:
-        """Identifiers of the frames that it may strike."""
+        """COB-IDs of the frames that it may strike."""
         ...
 
     @property
     def rate(self) -> float:
-        """Part of the attempts that it strikes, 0 to 1, drawn from the bus' seeded generator."""
+        """Probability of a strike, 0 to 1, drawn from the bus' seeded generator."""
         ...
 
     @property
     def skip(self) -> int:
-        """Number of attempts that it lets pass first."""
+        """Number of attempts that pass before the first strike."""
         ...
 
     @property
     def count(self) -> int | None:
-        """Greatest number of strikes; None for no limit."""
+        """Highest number of strikes; None for no limit."""
         ...
 
     def effect(self) -> StrikeEffect:
-        """Return what a strike does."""
+        """Return the effect of a strike."""
         ...
 
 
 class Strike(NamedTuple):
-    """One strike of a filter: its instant since power-up, the filter, and the frame that it struck."""
+    """One strike: instant since power-up, filter, struck frame."""
 
     counts: int
     filter: FrameFilter
@@ -75,7 +75,7 @@ class Strike(NamedTuple):
 
 @dataclass(slots=True)
 class _InForce:
-    """A filter that may strike, how many attempts it has concerned, and how often it has struck."""
+    """An active filter, with the number of attempts that matched it and the number of its strikes."""
 
     filter: FrameFilter
     concerned: int = 0
@@ -83,37 +83,37 @@ class _InForce:
 
 
 class FiltersInForce:
-    """The filters that may strike on a bus now, tried in the order of their beginnings, and what they have struck."""
+    """The active filters of a bus, tried in the order in which they began, and their strikes."""
 
     def __init__(self) -> None:
-        """Begin without filters; `reseed` sets the seed of those that strike at random."""
+        """Begin without filters; `reseed` sets the seed of random strikes."""
         self.struck: list[Strike] = []
-        """Every strike, in order of time."""
+        """All strikes, in order of time."""
         self.on_strike: Callable[[Strike], None] = lambda _strike: None
         """Called at each strike."""
         self.in_force: list[_InForce] = []
         self._random = Random(0)
 
     def begin(self, added: FrameFilter) -> None:
-        """Try a further filter from now on, after those that are there."""
+        """Add a filter; it is tried after the present ones."""
         self.in_force.append(_InForce(added))
 
     def end(self, ended: FrameFilter) -> None:
-        """Try this very filter no more; one that is not there, or an equal one, changes nothing."""
+        """Remove this filter object, if it is active; an equal one stays."""
         self.in_force = [each for each in self.in_force if each.filter is not ended]
 
     def end_all(self) -> None:
-        """Try no filter any more."""
+        """Remove all filters."""
         self.in_force = []
 
     def reseed(self, seed: int) -> None:
-        """Draw from another seed from now on."""
+        """Set the seed of the random strikes from now on."""
         self._random = Random(seed)
 
     def strike(
         self, frame: Frame, now_counts: int, had: Container[type[FrameFilter] | None] = ()
     ) -> FrameFilter | None:
-        """Return the filter that strikes an attempt to send, or None: none of the classes that the frame has had."""
+        """Return the filter that strikes an attempt to send, or None; filters of the classes `had` are skipped."""
         for each in self.in_force:
             if type(each.filter) not in had and frame.cob_id in each.filter.cob_ids and self._chosen(each):
                 self.struck.append(Strike(now_counts, each.filter, frame))

@@ -1,16 +1,16 @@
-"""Model a chip by its sheet: count CLK pulses, note violations of its operating range, follow its outputs.
+"""Model a chip by its sheet: count CLK pulses, record violations of its operating range, compute its outputs.
 
-The chip counts rising CLK edges; the level of DIR at the edge gives the direction. RESET low forces the home state and
-ignores CLK. ENABLE low switches the outputs off; its sheet says whether the counter follows CLK meanwhile. Supplies may
-have to come in order; CLK and DIR are inputs as well, and CLK, which comes as pulses, is judged by its rises.
+The chip counts rising CLK edges; the level of DIR at the edge is the direction. RESET low forces the home state and
+ignores CLK. ENABLE low switches the outputs off; the sheet tells whether the counter still follows CLK. The sheet may
+require an order of supplies and inputs. CLK and DIR are such inputs; CLK is checked at its rises.
 
-Outside the operating range a datasheet guarantees nothing. The model takes the worst case: a pulse that breaks a limit
-does not count. DIR's setup and hold times, and those of a module around the chip, are the input stage's.
+Outside of the operating range a datasheet guarantees nothing. The model assumes the worst case: a pulse that violates a
+limit does not count. The input stage checks setup and hold times of DIR, and the times of a module.
 
-A counted step turns the field by the step of the mode at that instant. A change of mode outside reset leads the field
-to the new mode's own angle that is equal or next below, and the rotor with it. In reset the field goes to the home
-angle, but this rotor stays. A real one turns by up to two full steps to the nearest place with that electrical angle,
-uncounted: so the firmware does not know the position after a change of mode in reset.
+A counted step turns the field by the step of the present mode. A change of mode outside of reset turns the field, and
+the rotor with it, to the nearest angle of the new mode that is equal or lower. In reset the field goes to the home
+angle, but the modelled rotor stays. A real rotor turns by up to two full steps to the nearest position with that
+electrical angle, without being counted. So the firmware does not know the position after a change of mode in reset.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,13 +31,13 @@ from steptwin.protocol.drivers import ChipSheet, Cooling, Oscillator, Release, S
 from steptwin.protocol.timer import COUNTS_PER_MS
 
 _LATE_COUNTS: Final = COUNTS_PER_MS
-"""Greatest time by which a change of an input may come after later pulses: the firmware computes a tick ahead."""
+"""Longest time by which an input change may be reported late, after later pulses: the firmware computes ahead."""
 _LONG_AGO: Final = -(1 << 60)
 _NOT_YET: Final = 1 << 60
 
 
 class ModeChange(NamedTuple):
-    """From an instant on, the inputs select this mode; `live` is False while the chip is in reset or without supply."""
+    """A change of mode at an instant; `live` is 0 while the chip is in reset or without supply, else 1."""
 
     counts: int
     excitation: Excitation
@@ -45,16 +45,16 @@ class ModeChange(NamedTuple):
 
 
 class Rotor:
-    """The position of one motor's rotor since power-up, which grows with steps at which DIR is high."""
+    """Position of one motor's rotor since power-up; it increases with steps while DIR is high."""
 
     def __init__(self, excitation: Excitation) -> None:
         self.position_substeps: int = 0
         self.excitation: Excitation = excitation
         self._zero_substeps = excitation.initial_substeps
-        """Angle of the field at the position 0; the angle grows with steps at which DIR is low."""
+        """Angle of the field at position 0; the angle increases with steps while DIR is low."""
 
     def follow(self, counts: Int64Array, signs: Int8Array, changes: Sequence[ModeChange]) -> Moves:
-        """Follow counted steps and changes of mode, both in order of time; return the moves."""
+        """Apply counted steps and changes of mode, both in order of time; return the moves."""
         if not changes:
             return counts, self._step(signs)
         instants, moves, first = [], [], 0
@@ -72,7 +72,7 @@ class Rotor:
         return moves
 
     def _change(self, change: ModeChange) -> int:
-        """Take the mode; return the move that it causes."""
+        """Apply a change of mode; return the move that it causes."""
         self.excitation = mode = change.excitation
         if not change.live:
             self._zero_substeps = mode.initial_substeps + self.position_substeps
@@ -84,23 +84,23 @@ class Rotor:
 
 
 class _Gate:
-    """A condition for CLK to count: whether it holds, and since when."""
+    """A condition under which CLK counts: its level, and the time since it became 1."""
 
     def __init__(self) -> None:
         self.level, self._since_counts = 0, _LONG_AGO
-        """Level before the present stretch, and when it rose last."""
+        """Level before the present stretch, and instant of its last rise."""
         self._edges: list[tuple[int, int]] = []
 
     def take(self, counts: int, level: int) -> None:
-        """Take a level within the present stretch."""
+        """Set the level at an instant within the present stretch."""
         self._edges.append((counts, level))
 
     def open_since(self, counts: int) -> int | None:
-        """Return how long it has held at an instant if it does so for the whole stretch; else None."""
+        """Return the time since its rise if the level is 1 in the whole stretch; else None."""
         return counts - self._since_counts if self.level and not self._edges else None
 
     def at(self, rises: Int64Array) -> tuple[Int8Array, Int64Array]:
-        """Return whether it holds at each rise of the present stretch, and the time since it began to hold last."""
+        """Return the level at each CLK rise of the present stretch, and the time since the level's last rise."""
         counts = np.array([edge[0] for edge in self._edges], dtype=np.int64)
         levels = np.array([edge[1] for edge in self._edges], dtype=np.int8)
         begun = np.concatenate(([self._since_counts], counts[levels == 1]))
@@ -108,7 +108,7 @@ class _Gate:
         return levels_at(rises, counts, levels, self.level), since
 
     def end_stretch(self) -> None:
-        """Let the next stretch begin."""
+        """Begin the next stretch."""
         for counts, level in self._edges:
             self.level = level
             if level:
@@ -117,7 +117,7 @@ class _Gate:
 
 
 class _PowerStep(NamedTuple):
-    """A step of the power sequence: when one of `terminals` takes `level`, all of `others` must be at `needed`."""
+    """A step of the power sequence: when one of `terminals` changes to `level`, `others` must be at `needed`."""
 
     terminals: tuple[str, ...]
     level: int
@@ -127,7 +127,7 @@ class _PowerStep(NamedTuple):
 
 
 def _power_steps(sheet: ChipSheet) -> tuple[_PowerStep, ...]:
-    """Return the steps on and off (TB6560AHQ, page 28); `_check_edges` checks CLK and DIR, which are no terminals."""
+    """Return the steps of power-up and power-down (TB6560AHQ, page 28); `_check_edges` checks CLK and DIR."""
     inputs = tuple(terminal for terminal in sheet.terminals if terminal not in sheet.rails)
     return (
         _PowerStep((Rail.VM,), 1, (Rail.VDD,), 1, "level of VDD as VM rises"),
@@ -138,11 +138,11 @@ def _power_steps(sheet: ChipSheet) -> tuple[_PowerStep, ...]:
 
 
 _INPUT_RISES, _VM_FALLS = 1, 2
-"""Indices of the steps that concern CLK and DIR, too."""
+"""Indices of the steps that also apply to CLK and DIR."""
 
 
 class DriverChip:
-    """One chip, at first without supply and with all inputs low: in reset, disabled, DIR low.
+    """One chip; initially without supply and with all inputs low: in reset, disabled, DIR low.
 
     Raises:
         ValueError: the full current is not positive, or above the operating range.
@@ -154,11 +154,11 @@ class DriverChip:
             raise ValueError(f"{full_a:.2f} A is not above 0 and up to {most}")
         self.sheet: Final = sheet
         self.position_steps: int = 0
-        """Steps counted since power-up, also through resets; steps with DIR high count up."""
+        """Steps counted since power-up, resets included; steps with DIR high count up."""
         self.lost_steps: int = 0
-        """Signed pulses less signed steps counted."""
+        """Signed pulses minus signed counted steps."""
         self.pulse_min_counts: int = sheet.pulse_min_counts
-        """Shortest pulse that it counts."""
+        """Shortest pulse that is counted."""
         self._wiring = Wiring(sheet, full_a)
         self._levels: dict[str, int] = dict.fromkeys(sheet.terminals, 0)
         home = self._wiring.home_field(self._levels)
@@ -172,7 +172,7 @@ class DriverChip:
         if self._cool_enough:
             self._junction.release(0, on=True)
         self._before = (NO_COUNTS, NO_LEVELS)
-        """Forgotten steps that the outputs still need."""
+        """Dropped steps that the outputs still need."""
         self._hot_from_counts = 0
         self._changes: list[LevelChange] = []
         self._dir_level = 0
@@ -183,31 +183,31 @@ class DriverChip:
         self._signs: list[Int8Array] = []
         self._power_steps = _power_steps(sheet) if sheet.ordered_power else ()
         self._limits = _limits(sheet, self._power_steps)
-        self._known = {limit.rule: index for index, limit in reversed(list(enumerate(self._limits)))}
+        self._limit_indices = {limit.rule: index for index, limit in reversed(list(enumerate(self._limits)))}
         """Index of each rule's first limit."""
         self._log = ViolationLog(self._limits)
         self._causes: dict[Rule, int] = {}
-        """Values of the causes of protections that latch."""
+        """Present causes of latching protections, with their values."""
         self._follower: OutputFollower | None = None
 
     def follow_outputs(self) -> OutputFollower:
-        """Return a follower that tells a motor each change at the outputs since power-up.
+        """Return a follower that reports each change at the outputs since power-up.
 
-        It has to be asked for before the first edge, since it sees none of those before.
+        Call this before the first edge: the follower misses earlier ones.
         """
         self._follower = OutputFollower(self._wiring, self._origin, self._protection)
         return self._follower
 
     def change_capacitor(self, osc_pf: float) -> None:
-        """Put another capacitor to OSC: pulses that are fed from now on must be as long as it asks for.
+        """Change the capacitor at OSC; it sets the shortest pulse from now on.
 
         Raises:
-            ValueError: the chip has no such capacitor, or none works with it.
+            ValueError: the chip has no such capacitor, or the capacitor is too small.
         """
         if self.sheet.oscillator is None:
             raise ValueError(f"a {self.sheet.name} has no capacitor at OSC")
         self.pulse_min_counts = Oscillator(osc_pf).clk_width_min_counts
-        self._know(replace(self._limits[self._known[Rule.CLK_HIGH]], value=self.pulse_min_counts))
+        self._know(replace(self._limits[self._limit_indices[Rule.CLK_HIGH]], value=self.pulse_min_counts))
 
     # --- inputs
 
@@ -215,7 +215,7 @@ class DriverChip:
         """Process the next stretch of edges at the chip's pins.
 
         Returns:
-            Instant of each counted step, and the rotor's move by it.
+            Instant of each counted step, and the move of the rotor.
         """
         was_supplied = self._levels[Rail.VM]
         vm_edges: list[tuple[int, int]] = []
@@ -254,7 +254,7 @@ class DriverChip:
         return self._wiring.live(self._levels)
 
     def _count(self, edges: TerminalEdges) -> tuple[Int64Array, Int8Array]:
-        """Find the rises that are steps. Usually all are, which a few minima show without a mask for each limit."""
+        """Return the rises that count as steps. If all do, as usual, a few minima prove it without masks."""
         rises, falls = edges.clk_rise_counts, edges.clk_fall_counts[int(edges.ends_earlier) :]
         if falls.size < rises.size:
             falls = np.append(falls, _NOT_YET)
@@ -276,21 +276,24 @@ class DriverChip:
         return rises, signs
 
     def _all_count(self, first_rise: int, pulses: dict[Rule, Int64Array]) -> bool:
-        """Return True if no pulse of a stretch can break a limit, by the minima alone."""
-        gates = ((self._live, Rule.WAKE_UP, True), (self._enable, Rule.ENABLE_SETUP, Rule.DISABLED in self._known))
+        """Return whether the minima prove that no pulse of a stretch violates a limit."""
+        gates = (
+            (self._live, Rule.WAKE_UP, True),
+            (self._enable, Rule.ENABLE_SETUP, Rule.DISABLED in self._limit_indices),
+        )
         for gate, rule, needed in gates:
             since = gate.open_since(first_rise)
-            if since is None and (needed or rule in self._known):
+            if since is None and (needed or rule in self._limit_indices):
                 return False
             if since is not None and since < self._limit(rule):
                 return False
-        return all(values.min() >= self._limit(rule) for rule, values in pulses.items() if rule in self._known)
+        return all(values.min() >= self._limit(rule) for rule, values in pulses.items() if rule in self._limit_indices)
 
     def _limit(self, rule: Rule) -> int:
-        return self._limits[self._known[rule]].value if rule in self._known else 0
+        return self._limits[self._limit_indices[rule]].value if rule in self._limit_indices else 0
 
     def _accepted(self, rises: Int64Array, pulses: dict[Rule, Int64Array]) -> NDArray[np.bool_]:
-        """Note the pulses that break limits, outside of reset; return which pulses count."""
+        """Record the pulses that violate limits outside of reset; return a mask of the pulses that count."""
         (live, awake_counts), (enabled, enabled_counts) = self._live.at(rises), self._enable.at(rises)
         found = {
             **pulses,
@@ -301,14 +304,14 @@ class DriverChip:
         heard = live.astype(np.bool_)
         accepted = heard.copy()
         for rule, values in found.items():
-            if rule in self._known:
+            if rule in self._limit_indices:
                 broken = heard & (values < self._limit(rule))
-                self._log.note(self._known[rule], rises[broken], values[broken])
+                self._log.note(self._limit_indices[rule], rises[broken], values[broken])
                 accepted &= ~broken
         return accepted
 
     def _take(self, change: LevelChange) -> bool:
-        """Take one input's level; return True if the chip has the input and its level was another one."""
+        """Set one input's level; return whether the chip has this input and its level has changed."""
         counts, terminal, level = change
         if self._levels.get(terminal, level) == level:
             return False
@@ -322,13 +325,13 @@ class DriverChip:
 
     @property
     def _cool_enough(self) -> bool:
-        """Whether nothing but its heat keeps the outputs shut down."""
+        """True if only the temperature keeps the outputs shut down."""
         shutdown = self.sheet.shutdown
         return shutdown is None or self._freed[shutdown.value.release]
 
     @property
     def _freed(self) -> Mapping[Release, bool]:
-        """Whether each release of a shutdown is at hand now."""
+        """By release of a shutdown, True if its condition is met now."""
         levels = self._levels
         return {
             Release.COOLING: True,
@@ -339,25 +342,27 @@ class DriverChip:
         }
 
     def _protect(self, counts: int) -> None:
-        """Let the protections act by what holds from an instant on."""
+        """Update the protections with the conditions from an instant on."""
         supplied = bool(self._wiring.supplied(self._levels))
         powered = {Rule.OVER_CURRENT: supplied and bool(self._levels["ENABLE"]), Rule.OVER_VOLTAGE: supplied}
         for rule in self._protection.trip(counts, powered, self._freed):
-            self._log.note_one(self._known[rule], counts, self._causes[rule])
+            self._log.note_one(self._limit_indices[rule], counts, self._causes[rule])
         self._junction.heat(counts, self._power_w())
 
     def short(self, counts: int, *, shorted: bool) -> None:
-        """Let the motor be short-circuited from an instant on, or not."""
+        """Short-circuit the motor from an instant on, or remove the short circuit."""
         limit = Limit(Rule.OVER_CURRENT, 0, LimitUnit.LEVEL, self.sheet.overcurrent.source)
-        self._harm(limit, int(shorted), counts)
+        self._note_broken(limit, int(shorted), counts)
 
     def supply_voltage(self, counts: int, volt: int) -> None:
-        """Let the motor supply have this voltage, rounded up, from an instant on."""
+        """Set the motor supply, rounded up to V, from an instant on."""
         highest = self.sheet.overvoltage
         if highest is not None:
-            self._harm(Limit(Rule.OVER_VOLTAGE, highest.value.volt, LimitUnit.VOLT, highest.source), volt, counts)
+            self._note_broken(
+                Limit(Rule.OVER_VOLTAGE, highest.value.volt, LimitUnit.VOLT, highest.source), volt, counts
+            )
 
-    def _harm(self, limit: Limit, value: int, counts: int) -> None:
+    def _note_broken(self, limit: Limit, value: int, counts: int) -> None:
         self._protection.causes.discard(limit.rule)
         if value > limit.value:
             self._know(limit)
@@ -366,25 +371,25 @@ class DriverChip:
         self._protect(counts)
 
     def _know(self, limit: Limit) -> None:
-        """Have a limit among those that can be broken: some come up with a fault only."""
+        """Add a limit that can be violated; some apply only after a fault."""
         if limit not in self._limits:
             self._limits = (*self._limits, limit)
             self._log.know(self._limits)
-        self._known[limit.rule] = self._limits.index(limit)
+        self._limit_indices[limit.rule] = self._limits.index(limit)
 
     def _check(self, change: LevelChange) -> None:
         counts, terminal, level = change
-        if Rule.MODE_CHANGE in self._known and terminal in self.sheet.modes.value.pins and self._is_live:
-            self._log.note_one(self._known[Rule.MODE_CHANGE], counts, self._levels["RESET"])
+        if Rule.MODE_CHANGE in self._limit_indices and terminal in self.sheet.modes.value.pins and self._is_live:
+            self._log.note_one(self._limit_indices[Rule.MODE_CHANGE], counts, self._levels["RESET"])
         for number, step in enumerate(self._power_steps):
             if level != step.level or terminal not in step.terminals:
                 continue
             if any(self._levels[other] != step.needed for other in step.others):
-                self._log.note_one(self._known[Rule.POWER_ORDER] + number, counts, 1 - step.needed)
+                self._log.note_one(self._limit_indices[Rule.POWER_ORDER] + number, counts, 1 - step.needed)
 
     def _check_edges(self, edges: TerminalEdges, vm_edges: list[tuple[int, int]], was_supplied: int) -> None:
-        """Check CLK and DIR in the power sequence: no rise without VM, and DIR low when VM falls."""
-        first = self._known[Rule.POWER_ORDER]
+        """Check CLK and DIR in the power sequence: no CLK rise without VM, and DIR low when VM falls."""
+        first = self._limit_indices[Rule.POWER_ORDER]
         counts = np.array([edge[0] for edge in vm_edges], dtype=np.int64)
         levels = np.array([edge[1] for edge in vm_edges], dtype=np.int8)
         for rises in (edges.clk_rise_counts, edges.dir_counts[edges.dir_levels == 1]):
@@ -395,13 +400,13 @@ class DriverChip:
         self._log.note(first + _VM_FALLS, high, np.ones_like(high))
 
     def _power_w(self) -> float:
-        """Return the power that the outputs dissipate unless they are shut down."""
+        """Return the power loss of the outputs while they are not shut down."""
         if not (self._wiring.supplied(self._levels) and self._levels["ENABLE"]) or self._protection.latched:
             return 0.0
         return self._dissipated_w(self._selected.power, self._wiring.torque_percent(self._levels))
 
     def _dissipated_w(self, phases: float, torque_percent: int) -> float:
-        """Return the power with the full current in one phase, or in both."""
+        """Return the power loss with the full current in `phases` phases."""
         current_a = self._wiring.full_a * torque_percent / 100
         return phases * current_a**2 * self.sheet.on_resistance_ohm.value
 
@@ -409,27 +414,27 @@ class DriverChip:
 
     @property
     def microsteps(self) -> int:
-        """Steps in a full step, in the present mode."""
+        """Microsteps per full step in the present mode."""
         return self._rotor.excitation.microsteps
 
     @property
     def position_substeps(self) -> int:
-        """Position of the rotor since power-up; it grows while DIR is high."""
+        """Position of the rotor since power-up; it increases while DIR is high."""
         return self._rotor.position_substeps
 
     @property
     def steps(self) -> tuple[Int64Array, Int8Array]:
-        """Counted steps that are not forgotten: instant, and sign."""
+        """Counted steps since `forget`: instant and sign."""
         return joined(self._steps, np.int64), joined(self._signs, np.int8)
 
     def forget(self) -> None:
-        """Drop the recorded steps, violations and changes of the outputs, but keep how many there were."""
+        """Drop the recorded steps, violations and output changes, but keep their numbers."""
         self._log.forget()
         if not (self._steps or self._changes or self._before[0].size or self._protection.shutdowns(self._until_counts)):
             return  # there is nothing else to drop
         outputs, kept_counts = self.outputs, self._until_counts - _LATE_COUNTS
-        told_counts = int(outputs.instants().max(initial=max(self._until_counts, outputs.from_counts) - 1)) + 1
-        self._origin = outputs.at(kept_counts, told_counts)
+        reported_counts = int(outputs.instants().max(initial=max(self._until_counts, outputs.from_counts) - 1)) + 1
+        self._origin = outputs.at(kept_counts, reported_counts)
         counts, signs = outputs.steps
         kept = int(np.searchsorted(counts, kept_counts))
         self._before = counts[kept:].copy(), signs[kept:].copy()
@@ -442,25 +447,28 @@ class DriverChip:
 
     @property
     def violation_count(self) -> int:
-        """Number of violations of limits so far."""
+        """Number of limit violations so far."""
         return self._log.count + len(self._hot_counts())
 
     @property
     def violations(self) -> Violations:
-        """All violations that are not forgotten, in order of time."""
+        """All violations since `forget`, in order of time."""
         if self.sheet.shutdown is None:
             return self._log.all()
-        hot, hot_counts = self._known[_hot_rule(self.sheet.shutdown.value)], np.array(self._hot_counts(), np.int64)
+        hot, hot_counts = (
+            self._limit_indices[_hot_rule(self.sheet.shutdown.value)],
+            np.array(self._hot_counts(), np.int64),
+        )
         return self._log.with_more(hot, hot_counts, np.full_like(hot_counts, self._limits[hot].value))
 
     def _hot_counts(self) -> list[int]:
-        """Return the instants of thermal shutdowns that are not forgotten."""
+        """Return the instants of thermal shutdowns since `forget`."""
         changes = self._junction.shutdowns(self._until_counts)
         return [counts for counts, shut_down in changes if shut_down and counts >= self._hot_from_counts]
 
     @property
     def outputs(self) -> ChipOutputs:
-        """What it does to its motor, for any instant that is not forgotten."""
+        """Outputs to the motor, for any instant since `forget`."""
         (counts, signs), (counts_before, signs_before) = self.steps, self._before
         steps = np.concatenate((counts_before, counts)), np.concatenate((signs_before, signs))
         return ChipOutputs(
@@ -468,31 +476,32 @@ class DriverChip:
         )
 
     def junction_celsius(self, counts: int) -> float:
-        """Return the junction's temperature at an instant; for later than `feed` has reached, if no input changes."""
+        """Return the junction temperature at an instant; a later one than `feed` assumes that no input changes."""
         return self._junction.celsius(counts)
 
     def fault_level(self, counts: int) -> int:
-        """Return 0 at an instant, as `junction_celsius` does, if its fault output tells of a shutdown; else 1."""
-        return 1 - int(self._protection.told(counts))
+        """Return the fault output at an instant (0: shutdown, else 1), with the assumption of `junction_celsius`."""
+        return 1 - int(self._protection.reported(counts))
 
     @property
     def latched(self) -> bool:
-        """Whether a protection holds the outputs off that only its release ends."""
+        """True if a latched protection keeps the outputs off until its release."""
         return self._protection.latched
 
     def fault_stays_until(self, counts: int) -> int | None:
-        """Return an instant before which that level stays unless RESET or the supply changes; None: always.
+        """Return an instant before which the fault output stays unless RESET or a supply changes; None for never.
 
-        The instant of a shutdown is a lower bound, which is closer the nearer the shutdown is; its end is exact.
+        The instant of a shutdown is a lower bound, which becomes more exact as the shutdown approaches. Its end is
+        exact.
         """
         worst_w = self._dissipated_w(2.0 if self.sheet.both_full else 1.0, torque_percent=100)
         return self._junction.shutdown_not_before(counts, worst_w)
 
 
 def _limits(sheet: ChipSheet, power_steps: Sequence[_PowerStep]) -> tuple[Limit, ...]:
-    """Return the limits that a chip's sheet sets.
+    """Return the limits of a chip's sheet.
 
-    OVER_TEMPERATURE is broken when the junction's temperature crosses the limit: the value noted is the limit.
+    OVER_TEMPERATURE is violated when the junction temperature crosses its limit; the recorded value is the limit.
     """
     times, limits = sheet.times, list[Limit]()
 

@@ -1,4 +1,4 @@
-"""The drivers of a board, the wires from the firmware's pins to them and the record of all edges on these wires."""
+"""The drivers of a board, their wires from the firmware's pins, and the record of all edges."""
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
@@ -21,87 +21,87 @@ from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
 from steptwin.protocol.drivers import ActiveEdge
 
 SUPPLIES = (Rail.VDD, Rail.VM)
-"""The drivers' supplies, in the board's order of switching them on."""
+"""The drivers' supplies, in the order in which the board switches them on."""
 
 _FIRST_OFF = (Pin.ENABLE, Pin.RESET)
-"""Pins that fall before all others when the power goes: M1 and M2 may change in reset only."""
+"""Pins that fall before all others at power-down, because M1 and M2 may change in reset only."""
 
 
 class DriverMonitor(NamedTuple):
-    """Counts of one axis' driver and its mode."""
+    """Counts of one axis' driver, and its mode."""
 
     rotor_steps: int
-    """Number of steps that the driver has counted, signed."""
+    """Signed number of steps that the driver has counted."""
     lost_steps: int
-    """Steps made less steps counted, both signed: how far the rotor has fallen behind."""
+    """Steps made minus steps counted, both signed: the lag of the rotor."""
     violations: int
-    """Number of pulses that broke a limit of the driver."""
+    """Number of pulses that have violated a limit of the driver."""
     microsteps: int = 0
-    """Microsteps per full step, by the chip's pins or the module's switches; 0: unknown."""
+    """Microsteps per full step, from the chip's pins or the module's switches; 0 if unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class AxisTrace:
-    """Everything that happened at one driver; times in counts since boot, DIR levels after each edge."""
+    """Record of one driver: times in counts since boot, DIR levels after each edge."""
 
     clk_rise_counts: Int64Array
     clk_fall_counts: Int64Array
-    """The fall that ends each pulse; of one that has not ended, the end of the trace."""
+    """The fall of each pulse; the end of the trace for a pulse that has not ended."""
     active_edge: ActiveEdge
-    """The edge of STEP at which the chip's CLK rises."""
+    """Edge of STEP at which CLK of the chip rises."""
     dir_counts: Int64Array
     dir_levels: Int8Array
     step_counts: Int64Array
     step_signs: Int8Array
     violations: Violations
     outputs: ChipOutputs
-    """Phase currents and the field's angle at any instant since the trace's beginning."""
+    """Phase currents and field angle at any instant since the start of the trace."""
     substeps: int
-    """Substeps in a full step."""
+    """Substeps per full step."""
     position_steps: int
     """Steps counted since power-up."""
     position_full_steps: float
     """Position of the rotor since power-up."""
     slip_counts: Int64Array
-    """Instants when the rotor fell out of step."""
+    """Instants at which the rotor slipped."""
     slip_full_steps: Int64Array
-    """Full steps by which it slipped at each of them, with their sign."""
+    """Signed full steps of each slip."""
 
 
 class DriverBank:
     """The drivers of all axes.
 
-    Pulses are computed ahead in batches: `show` lets the drivers process a batch and reports the counted steps to the
-    inputs, since a step may reach a switch.
+    Pulses are computed ahead in batches. `show` passes a batch to the drivers and reports the counted steps to the
+    inputs, because a step may reach a switch.
     """
 
     def __init__(self, modules: Sequence[Module], inputs: BoardInputs, *, at_edges: bool = False) -> None:
-        """Make the drivers; `at_edges` tells what a step's instant is, as of `Driver`."""
+        """Create the drivers; for `at_edges` see `Driver`."""
         self._at_edges = at_edges
         self.drivers: list[Driver] = [Driver(module, at_edges=at_edges) for module in modules]
         self.pin_changes: list[PinChange] = []
-        """Changes, not taken yet, of the pins that the firmware holds at a level."""
+        """Changes of the firmware's static pins that are not taken yet."""
         self._inputs = inputs
         self._waiting: list[list[LevelChange]] = [[] for _ in self.drivers]
-        """Changes of levels that the drivers have not seen yet, by axis."""
+        """By axis, level changes that have not been passed to the driver yet."""
         self._pins: list[list[TerminalEdges]] = [[_pins(PinEdges([], []), [], 0)] for _ in self.drivers]
-        """All edges at the drivers' terminals that are not forgotten, by axis."""
+        """By axis, all edges at the driver's terminals since `forget`."""
         self._wires: list[AxisWires | None] = [None] * len(self.drivers)
-        """The wires to each driver that have had a fault."""
+        """By axis, the wires to the driver; None if no wire has had a fault."""
         self._strapped: set[tuple[int, Pin]] = set()
-        """Pins of the chips that are strapped to a level, whatever the firmware does."""
+        """Pins of the chips that are strapped to a level, independent of the firmware."""
         self._pin_levels: dict[tuple[int, Pin], int] = {}
         self._step_levels = [0] * len(self.drivers)
         self._dir_levels = [0] * len(self.drivers)
         self._slips: list[list[tuple[int, int]]] = [[] for _ in self.drivers]
-        """Slips of each axis' rotor that are not forgotten: instant, and full steps."""
+        """By axis, slips of the rotor since `forget`: instant and full steps."""
         self.slipped_full_steps: list[int] = [0] * len(self.drivers)
-        """Sum of all slips of each axis' rotor since power-up."""
+        """By axis, sum of all slips of the rotor since power-up."""
 
     # --- in
 
     def set_pin(self, change: PinChange) -> None:
-        """Put a pin of the firmware to a level."""
+        """Set a pin of the firmware."""
         self._pin_levels[change.axis, change.pin] = change.level
         if (change.axis, change.pin) in self._strapped:
             return
@@ -114,17 +114,17 @@ class DriverBank:
             self._waiting[change.axis].append(LevelChange(change.counts, change.pin, change.level))
 
     def level(self, axis: int, pin: Pin) -> int:
-        """Return the level at which the firmware holds a pin."""
+        """Return the level that the firmware has set at a pin."""
         return self._pin_levels.get((axis, pin), 0)
 
     def drop_pins(self, now_counts: int, kept: Collection[tuple[int, Pin]] = ()) -> None:
-        """Let all pins that are high fall, because the power goes, but for those kept."""
+        """Let all high pins fall at power-down, except those of `kept`."""
         high = (place for place, level in self._pin_levels.items() if level and place not in kept)
         for axis, pin in sorted(high, key=lambda place: place[1] not in _FIRST_OFF):
             self.set_pin(PinChange(now_counts, axis, pin, 0))
 
     def release_pins(self, now_counts: int) -> None:
-        """Let all pins float, because the processor is reset: they fall, but ENABLE is as at an open terminal."""
+        """Let all pins float in a reset of the processor: they fall, and ENABLE is as at an open terminal."""
         pulled_up = [(axis, Pin.ENABLE) for axis, driver in enumerate(self.drivers) if driver.module.enable_open]
         self.drop_pins(now_counts, pulled_up)
         for axis, pin in pulled_up:
@@ -132,17 +132,17 @@ class DriverBank:
                 self.set_pin(PinChange(now_counts, axis, pin, 1))
 
     def hold_pins(self, now_counts: int) -> None:
-        """Hold all pins low that have floated, as the firmware does first when it begins."""
+        """Set all floating pins low, as the firmware does first when it starts."""
         self.drop_pins(now_counts)
 
     def supply(self, supplies: Iterable[Rail], now_counts: int, level: int) -> None:
-        """Switch these supplies at every driver, one supply after the other."""
+        """Switch supplies at every driver, one supply after the other."""
         for supply in supplies:
             for changes in self._waiting:
                 changes.append(LevelChange(now_counts, supply, level))
 
     def begin_high(self, axis: int, counts: int) -> bool:
-        """Let the firmware hold STEP high as it begins, which no driver takes for an edge; return False if one may."""
+        """Set STEP high at the firmware's start, without an edge; return False if the driver would see an edge."""
         if self._wires[axis] is not None or self._step_levels[axis]:
             return False
         self._pins[axis].append(_pins(PinEdges([counts], []), [], counts))
@@ -151,12 +151,12 @@ class DriverBank:
         return True
 
     def show(self, all_edges: Sequence[PinEdges], until_counts: int) -> None:
-        """Let the drivers see the edges and levels that are new at their terminals up to an instant."""
+        """Pass the new edges and levels up to an instant to all drivers."""
         for axis, edges in enumerate(all_edges):
             self.show_axis(axis, edges, until_counts)
 
     def show_axis(self, axis: int, edges: PinEdges, until_counts: int) -> None:
-        """Let one driver see them."""
+        """Pass the new edges and levels up to an instant to one driver."""
         moved, wires = len(edges.clk_counts) or len(edges.direction), self._wires[axis]
         wires_wait = wires is not None and wires.waiting
         if not (moved or self._waiting[axis] or self.drivers[axis].waiting or wires_wait):
@@ -180,7 +180,7 @@ class DriverBank:
         self._inputs.moved(axis, *moves, held_pulses=held_pulses, step_substeps=driver.step_substeps)
 
     def _take(self, axis: int, passed: TerminalEdges) -> None:
-        """Let one driver see what faulty wires have made of the edges, and record it."""
+        """Pass the edges after the wires to one driver, and record them."""
         self._feed(axis, passed)
         self._pins[axis].append(passed)
         self.pin_changes += (
@@ -192,7 +192,7 @@ class DriverBank:
     # --- faults
 
     def set_wire(self, axis: int, wire: Wire, condition: Condition, counts: int) -> None:
-        """Let a wire to one driver be like this from an instant on, up to which all edges have been shown."""
+        """Set the condition of a wire from an instant on; all edges before it must have been shown."""
         driver, wires = self.drivers[axis], self._wires[axis]
         if wires is None:
             wires = self._wires[axis] = AxisWires(
@@ -206,7 +206,7 @@ class DriverBank:
         self._take(axis, wires.change(wire, condition, counts))
 
     def set_mode(self, axis: int, microsteps: int | None, counts: int) -> None:
-        """Set a driver to a mode by its switches or pins; None ends that, and pins are as the firmware has them."""
+        """Set a driver's mode by its switches or straps; None removes this, and the firmware's pins act again."""
         driver = self.drivers[axis]
         if driver.module.switches is not None:
             driver.turn_switches(microsteps, counts)
@@ -222,50 +222,50 @@ class DriverBank:
                 self._strapped.add((axis, pin))
 
     def change_capacitor(self, axis: int, osc_pf: float) -> None:
-        """Let the capacitor at a chip's OSC have another value, for the pulses that are shown from now on."""
+        """Change the capacitor at a chip's OSC for the pulses that are shown from now on."""
         self.drivers[axis].change_capacitor(osc_pf)
 
     def short(self, axis: int, counts: int, *, shorted: bool) -> None:
-        """Let an axis' motor be short-circuited from an instant on, up to which all edges have been shown, or not."""
+        """Short-circuit a motor from an instant on, or remove the short; all edges before must have been shown."""
         self.drivers[axis].chip.short(counts, shorted=shorted)
 
     def supply_voltage(self, counts: int, volt: int) -> None:
-        """Let the motor supply have this voltage from an instant on."""
+        """Set the motor supply from an instant on."""
         for driver in self.drivers:
             driver.chip.supply_voltage(counts, volt)
 
     @property
     def noisy_axes(self) -> set[int]:
-        """The axes to whose drivers edges may come that the firmware has not made."""
+        """Axes whose drivers may receive edges that the firmware has not made."""
         return {axis for axis, wires in enumerate(self._wires) if wires is not None and wires.noisy}
 
     def slip(self, axis: int, full_steps: int, counts: int) -> None:
-        """Let an axis' rotor fall out of step by full steps."""
+        """Move an axis' rotor by full steps that the driver has not made."""
         self._slips[axis].append((counts, full_steps))
         self.slipped_full_steps[axis] += full_steps
 
     def follow_outputs(self) -> list[OutputFollower]:
-        """Return what follows each chip's outputs from power-up on; call this before the power is up."""
+        """Return an output follower for each chip; call this before the power is up."""
         return [driver.chip.follow_outputs() for driver in self.drivers]
 
     def cut_off(self, all_edges: Sequence[PinEdges], counts: int) -> list[PinEdges]:
-        """Return the edges that remain when the power goes: begun pulses end; STEP and DIR fall if high."""
+        """Return the edges that remain at power-down: begun pulses end; STEP and DIR fall if high."""
         befores = zip(all_edges, self._step_levels, self._dir_levels, strict=True)
         return [_cut_off(edges, step_level, dir_level, counts) for edges, step_level, dir_level in befores]
 
     def cut_short(self, all_edges: Sequence[PinEdges], counts: int) -> list[PinEdges]:
-        """Return the edges that remain when the processor is reset: a pulse that has begun ends then, too."""
+        """Return the edges that remain at a reset of the processor: a begun pulse ends at that instant."""
         return [_cut_short(edges, counts) for edges in self.cut_off(all_edges, counts)]
 
     # --- out
 
     @property
     def pulse_min_counts(self) -> int:
-        """Time for which a STEP must have been high before its driver may be told of a pulse without its end."""
+        """Time after its rise when a pulse may be passed to any driver although it has not ended."""
         return max(driver.pulse_min_counts for driver in self.drivers)
 
     def count(self, axis: int) -> DriverMonitor:
-        """Return the counts of an axis' driver, over all pulses that it has seen, and its present mode."""
+        """Return the counts of an axis' driver over all passed pulses, and its present mode."""
         driver, wires = self.drivers[axis], self._wires[axis]
         lost_steps = driver.lost_steps + (wires.lost_steps if wires is not None else 0)
         return DriverMonitor(driver.chip.position_steps, lost_steps, driver.violation_count, driver.microsteps)
@@ -276,9 +276,9 @@ class DriverBank:
         return driver.chip.position_substeps + self.slipped_full_steps[axis] * driver.module.chip.substeps
 
     def trace(self, axis: int, until_counts: int) -> AxisTrace:
-        """Return everything that happened at an axis' driver up to an instant and is not forgotten."""
+        """Return the record of an axis' driver since `forget`, up to an instant."""
         driver = self.drivers[axis]
-        nothing = _pins(PinEdges([], []), [], until_counts)  # lets the time pass when nothing came
+        nothing = _pins(PinEdges([], []), [], until_counts)  # advances time if there are no edges
         self._feed(axis, nothing)
         pins = self._pins[axis]
         rises, falls = _whole_pulses(pins, until_counts)
@@ -301,14 +301,14 @@ class DriverBank:
         )
 
     def forget(self, axis: int) -> None:
-        """Begin the next trace of an axis here, where the last one has ended."""
+        """Drop the record of an axis; the next trace begins where the last one has ended."""
         self._pins[axis] = [_pins(PinEdges([], []), [], 0)]
         self._slips[axis].clear()
         self.drivers[axis].forget()
 
 
 def _whole_pulses(pins: Sequence[TerminalEdges], until_counts: int) -> tuple[Int64Array, Int64Array]:
-    """Return the rises and falls of the pulses that begin in these stretches; one that has not ended ends now."""
+    """Return rises and falls of the pulses that begin in these stretches; one without end ends now."""
     rises = np.concatenate([p.clk_rise_counts for p in pins])
     falls = np.concatenate([p.clk_fall_counts for p in pins])
     if falls.size and not (rises.size and rises[0] < falls[0]):
@@ -319,7 +319,7 @@ def _whole_pulses(pins: Sequence[TerminalEdges], until_counts: int) -> tuple[Int
 
 
 def _pins(edges: PinEdges, changes: list[LevelChange], until_counts: int, step_level: int = 0) -> TerminalEdges:
-    """Wire the edges: the firmware's STEP, at a level before them, goes to CLK, its DIR to CW/CCW."""
+    """Return the firmware's edges as terminal edges: STEP, initially at `step_level`, and DIR."""
     clk = _array(edges.clk_counts)
     direction = _array(edges.direction)
     return TerminalEdges(
@@ -333,7 +333,7 @@ def _pins(edges: PinEdges, changes: list[LevelChange], until_counts: int, step_l
 
 
 def _cut_off(edges: PinEdges, step_level: int, dir_level: int, counts: int) -> PinEdges:
-    """Return the pulses that begin before an instant; STEP and DIR, at these levels before them, fall if still high."""
+    """Return the pulses that begin before an instant; STEP and DIR, initially at these levels, fall if still high."""
     clk, direction = _array(edges.clk_counts), _array(edges.direction)
     direction = direction[direction >> 1 < counts]
     if direction[-1] & 1 if direction.size else dir_level:

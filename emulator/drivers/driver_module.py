@@ -1,10 +1,10 @@
-"""Describe the module around a driver chip: optocouplers, required timing, active edge, switches.
+"""The module around a driver chip: optocouplers, required timing, active edge, switches.
 
-Levels at the terminals STEP, DIR and EN reach the chip's pins late, each through its own part, and rises later or
-earlier than falls. So a pulse can get lost, and a DIR edge that was in time at the terminals can arrive after its CLK:
-that step then goes the wrong way. Some modules have unknown delays, but their users know which times they need: these
-times are the requirements. Where they are not kept the worst case is taken: pulses are lost, and DIR is read as late,
-or as early, as they leave open. `input_stage` models all this.
+Levels at the terminals STEP, DIR and EN reach the chip's pins with a delay. Each has its own coupler, with different
+delays of rise and fall. So a pulse can be lost, and a DIR edge can arrive after its CLK, which makes a step in the
+wrong direction. For some modules only required times are known, not the delays. If a required time is violated, the
+worst case is assumed: the pulse is lost, and DIR is read as late or as early as the requirement leaves open.
+`input_stage` models this.
 """
 
 from collections.abc import Mapping
@@ -23,38 +23,38 @@ def delay_of(coupler: Coupler) -> Delay:
 
 @dataclass(frozen=True, slots=True)
 class Switches:
-    """How a module's own switches stand: the levels at the chip's pins that they set.
+    """Setting of a module's own switches: the levels at the chip's pins.
 
     Attributes:
-        microsteps: of the mode that they select.
-        running: levels of the chip's pins from when it is supplied, while the motor moves; RESET is high with them.
-        standing: those of them that are others at standstill.
-        idle_ms: time from the last step until that is so.
+        microsteps: microsteps of the selected mode.
+        running: levels of the chip's pins while it has power; RESET is then high, too.
+        idle: levels that differ at standstill.
+        idle_ms: time from the last step until the levels of standstill apply.
     """
 
     microsteps: int
     running: Mapping[str, int]
-    standing: Mapping[str, int]
+    idle: Mapping[str, int]
     idle_ms: int = 500
 
 
 @dataclass(frozen=True, slots=True)
 class Module:
-    """The module around one chip; by default nothing but wires.
+    """The module around one chip; by default only wires.
 
     Attributes:
-        chip: what chip it is.
+        chip: datasheet of the chip.
         full_a: phase current of 100 percent.
-        clk: part between STEP and CLK.
-        direction: part between DIR and CW/CCW.
-        enable: part between EN and ENABLE; the wiring takes care of a low-active terminal.
-        times: what the module requires at its terminals beyond the chip's times and those of the couplers.
-        active_edge: edge of STEP that makes the step.
-        enable_open: ENABLE at the chip if nothing is connected to EN: 0 for the chip's pull-down, 1 where the
-            optocoupler's light switches the chip off.
-        switches: the module's own switches, if it has any: it then follows CLK, DIR and EN alone.
-        cooling: what cools the chip.
-        fault_wired: the chip's fault output is wired to the board's input for it.
+        clk: coupler between STEP and CLK.
+        direction: coupler between DIR and CW/CCW.
+        enable: coupler between EN and ENABLE; the wiring inverts a low-active terminal.
+        times: required times at the terminals that exceed those of chip and couplers.
+        active_edge: edge of STEP that triggers a step.
+        enable_open: level of ENABLE at the chip if nothing is connected to EN: 0 by the chip's pull-down, 1 if current
+            in the optocoupler switches the chip off.
+        switches: switches of the module, which then uses only CLK, DIR and EN of the board; None if it has none.
+        cooling: cooling of the chip.
+        fault_wired: True if the chip's fault output is wired to the board.
         source: origin of the delays.
     """
 
@@ -72,12 +72,12 @@ class Module:
     source: str = "wires"
 
     def make_chip(self) -> DriverChip:
-        """Return a chip as it is on the module; raise ValueError if its current is outside its operating range."""
+        """Create the module's chip; raise ValueError if its current is outside of the operating range."""
         return DriverChip(self.chip, self.full_a, self.cooling)
 
     @property
     def only_wires(self) -> bool:
-        """True if the terminals are the chip's pins, and the chip judges alone what comes there."""
+        """True if the terminals are the chip's pins, and the module has no requirements of its own."""
         couplers = (self.clk, self.direction, self.enable)
         plain = self.active_edge is ActiveEdge.RISING and self.times == NO_TIMES and self.switches is None
         return plain and couplers == (WIRE,) * 3 and not (self.chip.times.dirsetup_ns or self.chip.times.dirhold_ns)
@@ -93,7 +93,7 @@ def fitted(
     fast_decay_percent: int | None = None,
     fault_wired: bool = False,
 ) -> Module:
-    """Return the driver of one axis, set for its microstep mode; None takes the usual setting.
+    """Return the module of one axis with its settings; None selects the usual setting.
 
     Raises:
         ValueError: the driver has no such setting, or no switches.

@@ -1,7 +1,7 @@
-"""A chip's modes as arrays: the field's angle in each state, and the currents there.
+"""Microstep modes of a chip as arrays: field angle and phase currents of each state.
 
-The field's angle counts substeps of a full step, of which four full steps make a cycle. It grows with DIR low. The
-current of A is its cosine, that of B its sine, in the steps of the chip's own table if it has one.
+The field angle counts substeps; four full steps make a cycle. It increases while DIR is low. The current of phase A is
+its cosine, the current of phase B its sine, with the values of the chip's own table if it has one.
 """
 
 from collections.abc import Mapping
@@ -18,15 +18,16 @@ CYCLE_FULL_STEPS = 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Excitation:
-    """One mode.
+    """One microstep mode.
 
     Attributes:
-        microsteps: steps in a full step.
-        step_substeps: angle by which a step turns the field.
-        initial_substeps: the field's angle in the home state.
-        cycle_substeps: angle of a whole cycle.
-        parts: shape (4 * microsteps, 2), currents of A and B as parts of the full one, from the lowest angle on.
-        power: greatest sum of the squares of both parts: what heats the bridges.
+        microsteps: steps per full step.
+        step_substeps: field angle of one step.
+        initial_substeps: field angle in the home state.
+        cycle_substeps: field angle of a cycle.
+        parts: shape (4 * microsteps, 2), currents of A and B as fractions of the full current, from the lowest angle
+            on.
+        power: highest sum of the squares of both fractions, which heats the bridges.
     """
 
     microsteps: int
@@ -38,22 +39,22 @@ class Excitation:
 
     @property
     def first_substeps(self) -> int:
-        """The lowest angle of the mode, from which its states are counted."""
+        """Lowest angle of the mode, with state 0."""
         return self.initial_substeps % self.step_substeps
 
     def nearest_state(self, substeps: int) -> int:
-        """Return the mode's own angle that is equal to an angle or next below it."""
+        """Return the highest angle of the mode that is not above `substeps`."""
         past = (substeps - self.initial_substeps) % self.step_substeps
         return (substeps - past) % self.cycle_substeps
 
     def states(self, substeps: Int64Array) -> Int64Array:
-        """Return the number of the state at each of some angles, which are the mode's own."""
+        """Return the state number at each angle; the angles must be those of the mode."""
         states: Int64Array = (substeps - self.first_substeps) % self.cycle_substeps // self.step_substeps
         return states
 
 
 def excitations(sheet: ChipSheet) -> Mapping[int, Excitation]:
-    """Return a chip's modes by their microsteps."""
+    """Return the modes of a chip by microsteps."""
     return {microsteps: _excitation(sheet, microsteps) for microsteps in sheet.microsteps}
 
 
@@ -71,7 +72,7 @@ def _excitation(sheet: ChipSheet, microsteps: int) -> Excitation:
 
 
 def _cosine(sheet: ChipSheet, angles: Int64Array) -> FloatArray:
-    """Return a phase's part of the full current at angles from its peak."""
+    """Return a phase's fraction of the full current at angles from its peak."""
     cycle = CYCLE_FULL_STEPS * sheet.substeps
     if sheet.vector_percent is None:
         return np.cos(2.0 * pi * angles / cycle).round(12)

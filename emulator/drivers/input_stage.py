@@ -1,10 +1,10 @@
-"""Pass edges from a module's terminals to its chip's pins, and note the module's limits that they break.
+"""Pass edges from a module's terminals to its chip's pins, and record violations of the module's limits.
 
-Whether a pulse reaches the chip depends on the edges that follow it, for as long as the module's requirements say. So
-the stage holds each pulse back until its fate is certain. The result does not depend on how the input is divided.
+Whether a pulse reaches the chip depends on later edges, within the module's required times. So the stage holds each
+pulse until this is certain. The result does not depend on how the input is divided.
 
-The module's parts have the chip's supply: when VM falls, ENABLE and CW/CCW at the chip are low already, whatever the
-levels at the terminals, and ENABLE rises again only when VM is up.
+The module's couplers have the supply of the chip: when VM falls, ENABLE and CW/CCW at the chip are already low, for any
+level at the terminals. ENABLE rises again only when VM is up.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,43 +23,43 @@ from steptwin.protocol.timer import COUNTS_PER_MS
 
 
 class Switchboard:
-    """The switches and the idle circuit of one module."""
+    """The switches and the standstill current circuit of one module."""
 
     def __init__(self, switches: Switches) -> None:
-        self._running, self._standing = switches.running, switches.standing
+        self._running, self._idle_levels = switches.running, switches.idle
         self._idle_counts = switches.idle_ms * COUNTS_PER_MS
         self._supplied = False
         self._idle = False
         self._last_rise_counts = 0
         self._turned: list[LevelChange] = []
-        """Changes by switches that a user has turned, to be passed on."""
+        """Changes by a user at the switches that are not passed yet."""
 
     def turn(self, levels: Mapping[str, int], counts: int) -> None:
-        """Let a user set switches, which hold these levels from an instant on."""
+        """Set switches to levels from an instant on."""
         self._running = {**self._running, **levels}
         if self._supplied:
             self._turned += [LevelChange(counts, pin, levels[pin]) for pin in self._running if pin in levels]
 
     @property
     def waiting(self) -> bool:
-        """True while the idle current has yet to begin."""
+        """True while the standstill current is not set yet."""
         return (self._supplied and not self._idle) or bool(self._turned)
 
     def changes(self, outside: Sequence[LevelChange], rises: Int64Array, until_counts: int) -> tuple[LevelChange, ...]:
-        """Return the changes at the chip's inputs up to an instant, from changes outside and from the rises of CLK.
+        """Return the changes at the chip's inputs up to an instant, from changes of the board and rises of CLK.
 
-        From outside only the supplies and ENABLE reach the chip.
+        Of the board's changes, only the supplies and ENABLE reach the chip.
         """
         found, self._turned = self._turned, []
         for change in outside:
             if change.terminal == Rail.VM:
                 earlier = int(np.searchsorted(rises, change.counts))
-                found += self._rest(rises[:earlier], change.counts)
+                found += self._idle_changes(rises[:earlier], change.counts)
                 found += self._supply(change)
                 rises = rises[earlier:]
             elif change.terminal in (Rail.VDD, Pin.ENABLE):
                 found.append(change)
-        found += self._rest(rises, until_counts)
+        found += self._idle_changes(rises, until_counts)
         return tuple(sorted(found, key=lambda change: change.counts))
 
     def _supply(self, change: LevelChange) -> list[LevelChange]:
@@ -68,15 +68,17 @@ class Switchboard:
         held = [LevelChange(counts, pin, level and high) for pin, high in self._running.items()]
         return [change, *held] if level else [*reversed(held), change]
 
-    def _rest(self, rises: Int64Array, until_counts: int) -> list[LevelChange]:
-        """Return the changes of torque: less when CLK has rested for the idle time, full with its next rise."""
+    def _idle_changes(self, rises: Int64Array, until_counts: int) -> list[LevelChange]:
+        """Return the changes of torque: reduced after the idle time without CLK, full with its next rise."""
         if not self._supplied:
             return []
         changes: list[LevelChange] = []
         if rises.size:
             times = np.concatenate(([self._last_rise_counts], rises))
-            for rest in np.flatnonzero(np.diff(times) > self._idle_counts).tolist():
-                changes += self._begin(int(times[rest])) + self._end(int(times[rest + 1]))
+            for pause in np.flatnonzero(np.diff(times) > self._idle_counts).tolist():
+                changes += self._begin(int(times[pause]))
+                changes += [LevelChange(int(times[pause + 1]), pin, self._running[pin]) for pin in self._idle_levels]
+                self._idle = False
             self._last_rise_counts = int(times[-1])
         if self._last_rise_counts + self._idle_counts < until_counts:
             changes += self._begin(self._last_rise_counts)
@@ -87,27 +89,23 @@ class Switchboard:
             return []
         self._idle = True
         counts = last_rise_counts + self._idle_counts
-        return [LevelChange(counts, pin, level) for pin, level in self._standing.items()]
-
-    def _end(self, rise_counts: int) -> list[LevelChange]:
-        self._idle = False
-        return [LevelChange(rise_counts, pin, self._running[pin]) for pin in self._standing]
+        return [LevelChange(counts, pin, level) for pin, level in self._idle_levels.items()]
 
 
 _LONG_AGO: Final = -(1 << 60)
 
 _CLK_HIGH, _CLK_LOW, _SETUP, _HOLD = 0, 1, 2, 4
-"""Indices of the limits. Setup and hold have two limits each, for DIR's levels 0 and 1, because the delays differ."""
+"""Indices of the limits. Setup and hold have two limits each, for DIR 0 and 1, because the delays differ."""
 
 
 class _Pulses(NamedTuple):
-    """Pulses by their active edges; times at the terminals in counts, all arrays of one length."""
+    """Pulses: times at the terminals in counts, all arrays of equal length."""
 
     origins: Int64Array
-    """Their instants at the STEP terminal."""
+    """Instants of their steps at the STEP terminal."""
     edges: Int64Array
     low_counts: Int64Array
-    """Time for which the chip's CLK would be low before each pulse if the couplers were wires."""
+    """Low time of CLK before each pulse, if the couplers had no delay."""
     high_counts: Int64Array
 
     def where(self, kept: NDArray[np.bool_] | slice) -> "_Pulses":
@@ -115,10 +113,16 @@ class _Pulses(NamedTuple):
 
 
 class InputStage:
-    """The way from one module's terminals to its chip's pins; the chip needs CLK high for `pulse_min_counts`."""
+    """The signal path from one module's terminals to its chip's pins."""
 
     def __init__(self, module: Module, pulse_min_counts: int, *, at_edges: bool) -> None:
-        """Make it; a step's instant is that of its active edge, or else of the rise with which its pulse begins."""
+        """Create the stage.
+
+        Args:
+            module: couplers, required times and switches.
+            pulse_min_counts: shortest CLK pulse that the chip counts.
+            at_edges: True if a step's instant is its active edge, False if the rise of its pulse.
+        """
         self._module, self._at_edges = module, at_edges
         self._clk, self._dir, self._enable = map(delay_of, (module.clk, module.direction, module.enable))
         self._setup_counts, self._hold_counts = self._needed("dirsetup_ns"), max(self._needed("dirhold_ns"), 1)
@@ -132,40 +136,40 @@ class InputStage:
                 self._foresight_counts,
             )
         )
-        """Time after which an edge has no influence any more."""
+        """Time after which an edge has no influence."""
         self.meant_steps: int = 0
-        """Pulses whose fate is certain, each signed by DIR at its beginning."""
+        """Sum of the decided pulses, each with the sign of DIR at its rise."""
         self._rises, self._falls = NO_COUNTS, NO_COUNTS
-        """Edges of the pulses that are not settled; the last may not have ended."""
+        """Edges of the undecided pulses; the last pulse may not have ended."""
         self._unended = self._unended_at_chip = False
-        """Whether the last pulse that is settled has not ended, and whether the chip was told that it began."""
+        """True if the last decided pulse has not ended; True if its rise has been passed to the chip."""
         self._last_fall_counts = _LONG_AGO
         self._dir_counts, self._dir_levels = NO_COUNTS, NO_LEVELS
         self._dir_before = 0
-        """DIR's level before the first edge that is kept."""
+        """Level of DIR before the first stored edge."""
         self._chip_dir_level = 0
         self._changes: list[LevelChange] = []
         self._enable_changes: list[LevelChange] = []
         self._enable_level = self._supplied = 0
-        """Levels of EN at the terminal and of VM."""
+        """Levels of EN at the terminal, and of VM."""
         self._switchboard = Switchboard(module.switches) if module.switches else None
         self._passed: list[Int64Array] = []
         self._origins: list[Int64Array] = []
 
     def _needed(self, name: str) -> int:
-        """Return a time in counts that chip and module need for DIR."""
+        """Return the required time of chip and module in counts, by its name."""
         return max(self._module.times.counts(name), self._module.chip.times.counts(name))
 
     def _source(self, name: str) -> str:
-        """Return where a time is from: the chip's, if the module has none, or else the module's."""
+        """Return the source of a required time: of the module, or of the chip if the module has none."""
         chip, module = getattr(self._module.chip.times, name), getattr(self._module.times, name)
         return self._module.source if chip is None or module is not None else str(chip.source)
 
     def _make_limits(self) -> tuple[Limit, ...]:
-        """Return the module's requirements, or stricter ones with which the couplers lose no pulse and no DIR edge."""
-        asked, clk = self._module.times, self._clk
-        width_counts = max(asked.counts("steplen_ns"), clk.to_high - clk.to_low + 1)
-        space_counts = max(asked.counts("stepspace_ns"), clk.to_low - clk.to_high + 1)
+        """Return the module's limits; stricter ones if the couplers would otherwise lose a pulse or a DIR edge."""
+        required, clk = self._module.times, self._clk
+        width_counts = max(required.counts("steplen_ns"), clk.to_high - clk.to_low + 1)
+        space_counts = max(required.counts("stepspace_ns"), clk.to_low - clk.to_high + 1)
         behind_clk = [self._dir.of(level) - clk.to_high for level in (0, 1)]
         setup, hold = self._source("dirsetup_ns"), self._source("dirhold_ns")
         figures = (
@@ -177,59 +181,59 @@ class InputStage:
         return tuple(Limit(rule, counts, LimitUnit.COUNTS, source) for rule, counts, source in figures)
 
     def _make_foresight(self, pulse_min_counts: int) -> int:
-        """Return the time from a rise of the chip's CLK until its fate is certain.
+        """Return the time from a rise of the chip's CLK until its pulse is decided.
 
-        DIR's hold time is over then; and where a pulse ends when the next begins, it is long enough for the module
-        and the chip.
+        By then the hold time of DIR is over. If a pulse ends when the next one begins, it is also long enough for
+        module and chip.
         """
         after_edge = max(limit.value for limit in self._limits[_HOLD:])
         for_chip = pulse_min_counts + self._clk.to_high - self._clk.to_low
         self._width_counts = max(self._limits[_CLK_HIGH].value, for_chip)
-        """Time for which a pulse must be high to count."""
+        """Shortest high time of a pulse that counts."""
         if self._module.active_edge is ActiveEdge.FALLING:
             after_edge = max(after_edge, self._width_counts)
         return max(after_edge - self._clk.to_high, 0)
 
     def set_pulse_min(self, pulse_min_counts: int) -> None:
-        """Know that the chip needs CLK high for another time from now on."""
+        """Change the shortest CLK pulse that the chip counts."""
         self._foresight_counts = self._make_foresight(pulse_min_counts)
 
     def begin_high(self, counts: int) -> None:
-        """Know that STEP is high from an instant on though no pulse has begun."""
+        """Set STEP high from an instant on, without a pulse."""
         if self._module.active_edge is ActiveEdge.RISING:
             self._unended, self._unended_at_chip = True, False
         else:
             self._rises = np.append(self._rises, counts)
 
     def turn_switches(self, levels: Mapping[str, int], counts: int) -> None:
-        """Let a user set the module's switches for these inputs of the chip; a module without switches has none."""
+        """Set the module's switches for these inputs of the chip from an instant on."""
         if self._switchboard is not None:
             self._switchboard.turn(levels, counts)
 
     @property
     def held_pulses(self) -> int:
-        """Number of pulses whose fate is not certain yet."""
+        """Number of undecided pulses."""
         return self._edges.size
 
     @property
     def held_steps(self) -> int:
-        """These pulses, each signed by DIR at its beginning."""
+        """Sum of the undecided pulses, each with the sign of DIR at its rise."""
         meant = levels_at(self._begun, self._dir_counts, self._dir_levels, self._dir_before)
         return 2 * int(meant.sum(dtype=np.int64)) - meant.size
 
     @property
     def _edges(self) -> Int64Array:
-        """Active edges of the pulses that are not settled."""
+        """Active edges of the undecided pulses."""
         return self._rises if self._module.active_edge is ActiveEdge.RISING else self._falls
 
     @property
     def _begun(self) -> Int64Array:
-        """Instants of these pulses."""
+        """Instants of the undecided pulses."""
         return self._edges if self._at_edges else self._rises[: self._edges.size]
 
     @property
     def waiting(self) -> bool:
-        """True while edges are on their way to the chip, even if no more come in."""
+        """True while edges have not reached the chip yet."""
         idle_to_come = self._switchboard is not None and self._switchboard.waiting
         return bool(self.held_pulses or self._changes or self._enable_changes or idle_to_come)
 
@@ -240,28 +244,28 @@ class InputStage:
 
     @property
     def violations(self) -> Violations:
-        """Violations of the module's limits that are not forgotten."""
+        """Violations of the module's limits since `forget`."""
         return self._log.all()
 
     def forget(self) -> None:
-        """Drop the record of passed pulses and violations, but keep the counts."""
+        """Drop the recorded pulses and violations, but keep their numbers."""
         self._passed.clear()
         self._origins.clear()
         self._log.forget()
 
     def origins(self, rises: Int64Array) -> Int64Array:
-        """Return the instants at the terminals of the steps that rises of the chip's CLK make."""
+        """Return the instants at the terminals that belong to rises of the chip's CLK."""
         at = np.searchsorted(joined(self._passed, np.int64), rises)
         found: Int64Array = joined(self._origins, np.int64)[at]
         return found
 
     def take(self, edges: TerminalEdges) -> TerminalEdges:
-        """Take the next stretch of edges at the terminals; return the next stretch at the chip's pins."""
+        """Return the next stretch of edges at the chip's pins, from that at the terminals."""
         ended = self._remember(edges)
         arrived_counts = edges.until_counts - self._foresight_counts
         settled = self._settled(edges.until_counts, arrived_counts)
         pulses, levels = settled, NO_LEVELS
-        if settled.edges.size:  # beside motors in the loop most stretches are of a tick, and few have a pulse
+        if settled.edges.size:  # false for most stretches with motors in the loop, which are one tick long
             meant = levels_at(settled.origins, self._dir_counts, self._dir_levels, self._dir_before)
             self.meant_steps += 2 * int(meant.sum(dtype=np.int64)) - meant.size
             pulses = self._not_lost(settled)
@@ -273,7 +277,7 @@ class InputStage:
         if rises.size:
             self._passed.append(rises)
             self._origins.append(pulses.origins)
-        if settled.edges.size > self._falls.size:  # settled before its end
+        if settled.edges.size > self._falls.size:  # decided before its end
             self._unended = True
             self._unended_at_chip = bool(pulses.edges.size) and pulses.edges[-1] == settled.edges[-1]
             falls = falls[: falls.size - self._unended_at_chip]
@@ -290,7 +294,7 @@ class InputStage:
     # --- memory
 
     def _remember(self, edges: TerminalEdges) -> Int64Array:
-        """Take the edges; return the chip's fall if they end a pulse whose rise it has seen."""
+        """Store the edges; return the chip's CLK fall if they end a pulse whose rise has been passed to it."""
         falls, ended = edges.clk_fall_counts, NO_COUNTS
         if self._unended and falls.size:
             self._last_fall_counts = int(falls[0])
@@ -331,12 +335,12 @@ class InputStage:
         self._enable_changes.append(late)
 
     def _drop_enable(self, counts: int) -> None:
-        """Drop changes of ENABLE that have not got through by an instant."""
+        """Drop changes of ENABLE that have not reached the chip at an instant."""
         while self._enable_changes and self._enable_changes[-1].counts >= counts:
             self._enable_changes.pop()
 
     def _forget(self, pulses: int, arrived_counts: int) -> None:
-        """Drop the settled pulses, and DIR edges that are too old to influence a later pulse."""
+        """Drop the decided pulses, and DIR edges that are too old to influence a later pulse."""
         if pulses and not self._unended:
             self._last_fall_counts = int(self._falls[pulses - 1])
         self._rises, self._falls = self._rises[pulses:], self._falls[pulses:]
@@ -348,10 +352,10 @@ class InputStage:
     # --- pulses
 
     def _settled(self, until_counts: int, arrived_counts: int) -> _Pulses:
-        """Return the pulses whose fate is certain.
+        """Return the newly decided pulses.
 
-        If the falling edge is active, the chip's CLK is high until the next pulse begins. The last pulse of either kind
-        may not have ended, and has been high at least until now.
+        If the falling edge is active, the chip's CLK is high until the next pulse begins. The last pulse may not have
+        ended; it has been high at least until now.
         """
         rises, falls = self._rises, self._falls
         edges, begun = self._edges, self._begun
@@ -379,10 +383,10 @@ class InputStage:
     # --- direction
 
     def _levels(self, edges: Int64Array) -> Int8Array:
-        """Return the level of DIR that the chip reads at each rise of its CLK, one for each active edge.
+        """Return the level of DIR that the chip reads at each CLK rise, one for each active edge.
 
-        Usually it is the level that has arrived through the coupler. Where an active edge breaks the module's
-        requirements, DIR is read at the earliest or latest instant that they leave open.
+        Usually it is the level after the coupler. If an active edge violates the module's required times, DIR is read
+        at the earliest or latest instant that they leave open.
         """
         if not self._dir_counts.size:
             return np.full(edges.size, self._dir_before, dtype=np.int8)
@@ -400,7 +404,7 @@ class InputStage:
     def _chip_direction(
         self, rises: Int64Array, levels: Int8Array, changes: tuple[LevelChange, ...]
     ) -> tuple[Int64Array, Int8Array]:
-        """Return the edges of CW/CCW at the chip: its level as read at each rise of CLK, and low when VM falls."""
+        """Return the edges of CW/CCW at the chip: the level read at each CLK rise, and low when VM falls."""
         off = [change.counts for change in changes if change.terminal == Rail.VM and not change.level]
         if not off and not rises.size:
             return rises, levels
@@ -412,7 +416,7 @@ class InputStage:
         return rises[turned], levels[turned]
 
     def _broken(self, limit: int, edges: Int64Array, turns: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Note and return the active edges too near to a DIR edge, which is given by an index, perhaps out of range."""
+        """Record and return the active edges too close to a DIR edge; `turns` are its indices, perhaps out of range."""
         broken = np.zeros(edges.size, dtype=np.bool_)
         near = (turns >= 0) & (turns < self._dir_counts.size)
         distances = np.abs(self._dir_counts[turns[near]] - edges[near])
@@ -424,7 +428,7 @@ class InputStage:
         return broken
 
     def _note(self, limit: int, edges: Int64Array, values: Int64Array) -> None:
-        """Note violations at the instants when the chip's CLK rises, or would: in order with the chip's own."""
+        """Record violations at the instants when the chip's CLK rises, or would rise, in order with the chip's own."""
         self._log.note(limit, edges + self._clk.to_high, values)
 
     # --- inputs that are held at a level

@@ -1,4 +1,4 @@
-"""Limits that a driver sets to the signals at its inputs, and the record of their violations."""
+"""Limits of a driver's input signals, and the record of their violations."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -9,7 +9,7 @@ from steptwin.emulator.board.edges import NO_COUNTS, NO_LEVELS, Int8Array, Int64
 
 
 class Rule(Enum):
-    """A rule that can be broken, and the consequence in the model."""
+    """A rule that can be violated, and the consequence in the model."""
 
     CLK_HIGH = "CLK high too short: step missed"
     CLK_LOW = "CLK low too short before its rise: step missed"
@@ -28,7 +28,7 @@ class Rule(Enum):
 
 
 class LimitUnit(Enum):
-    """Unit of a limit and of the values that break it."""
+    """Unit of a limit and of the values that violate it."""
 
     COUNTS = "counts"
     LEVEL = "level"
@@ -38,7 +38,7 @@ class LimitUnit(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """A rule with its figure and the source of the figure."""
+    """A rule with its figure and the figure's source."""
 
     rule: Rule
     value: int
@@ -51,10 +51,10 @@ class Violations:
     """Violations of limits in order of time, as arrays of equal length.
 
     Attributes:
-        limits: all limits that can be broken.
-        counts: shape (n,), the instants.
-        which: shape (n,), the indices of the limits.
-        values: shape (n,), the values found, in the limits' units.
+        limits: all limits that can be violated.
+        counts: shape (n,), instants.
+        which: shape (n,), indices of the limits.
+        values: shape (n,), measured values, in the limits' units.
     """
 
     limits: tuple[Limit, ...]
@@ -63,11 +63,11 @@ class Violations:
     values: Int64Array
 
     def rules(self) -> list[Rule]:
-        """Return the rule that each violation broke."""
+        """Return the rule of each violation."""
         return [self.limits[index].rule for index in self.which.tolist()]
 
     def margins(self) -> Int64Array:
-        """Return value - limit of each violation, shape (n,)."""
+        """Return value minus limit of each violation, shape (n,)."""
         return self.values - np.array([limit.value for limit in self.limits], dtype=np.int64)[self.which]
 
 
@@ -85,7 +85,7 @@ def merged(parts: list[Violations]) -> Violations:
 
 
 class ViolationLog:
-    """The record of a part of the driver, for violations of its limits."""
+    """Record of limit violations in one part of the driver."""
 
     def __init__(self, limits: tuple[Limit, ...]) -> None:
         self._limits = limits
@@ -93,30 +93,30 @@ class ViolationLog:
         self.count: int = 0
 
     def know(self, limits: tuple[Limit, ...]) -> None:
-        """Know further limits, behind those known."""
+        """Append further limits."""
         self._limits = limits
 
     def note(self, limit: int, counts: Int64Array, values: Int64Array) -> None:
-        """Note that a limit, given by its index, was broken at some instants."""
+        """Record violations of a limit, given by its index, at some instants."""
         if counts.size:
             self.count += counts.size
             self._parts.append(_of_one_limit(limit, counts, values))
 
     def note_one(self, limit: int, counts: int, value: int) -> None:
-        """Note one violation."""
+        """Record one violation."""
         self.note(limit, np.array([counts], dtype=np.int64), np.array([value], dtype=np.int64))
 
     def forget(self) -> None:
-        """Drop the violations, but keep their number."""
+        """Drop the recorded violations, but keep their number."""
         self._parts.clear()
 
     def all(self) -> Violations:
-        """Return the violations that are not forgotten."""
+        """Return the violations since `forget`."""
         found = merged(self._parts)
         return Violations(self._limits, found.counts, found.which, found.values)
 
     def with_more(self, limit: int, counts: Int64Array, values: Int64Array) -> Violations:
-        """Return these and further violations of one limit, without noting the further ones."""
+        """Return the recorded and further violations of one limit, without recording the further ones."""
         found = merged([*self._parts, _of_one_limit(limit, counts, values)])
         return Violations(self._limits, found.counts, found.which, found.values)
 

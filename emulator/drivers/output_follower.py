@@ -1,8 +1,8 @@
-"""Follow a chip's outputs as its history grows: what has changed from one look to the next.
+"""Follow a chip's outputs incrementally: return the changes since the last call.
 
-`ChipOutputs` answers for any instant of a whole history. A motor that turns with the chip asks every ms for what is
-new. Nearly always that is steps alone, which turn the field through a table of currents. Only where an input has
-changed, or a shutdown comes or goes, is the stretch computed by `ChipOutputs`, with a beginning of its own.
+`ChipOutputs` computes the outputs at any instant of a complete history. A motor in the loop needs the changes of each
+ms. Nearly always these are steps only, which turn the field through a table of currents. Only if an input has changed,
+or a shutdown begins or ends, `ChipOutputs` computes the stretch, from an origin at its beginning.
 """
 
 from collections.abc import Sequence
@@ -17,16 +17,16 @@ from steptwin.emulator.drivers.terminals import LevelChange
 from steptwin.protocol.timer import COUNTS_PER_MS
 
 _SETTLING_COUNTS: Final = COUNTS_PER_MS
-"""Time from a change of an input until all outputs have followed: a TB6560's delay of ENABLE is 3 us."""
+"""Time after an input change when all outputs have followed; the ENABLE delay of a TB6560 is 3 us."""
 
 
 class Steady(NamedTuple):
-    """What holds while only steps come.
+    """Constant settings while only steps occur.
 
     Attributes:
-        step_substeps: angle by which a step turns the field.
-        first_substeps: angle of the first of the mode's states.
-        currents_a: shape (states, 2), currents of A and B by the field's state, `step_substeps` apart.
+        step_substeps: field angle of one step.
+        first_substeps: angle of state 0 of the mode.
+        currents_a: shape (states, 2), currents of A and B by state, `step_substeps` apart.
         fast: fraction of fast decay.
     """
 
@@ -36,18 +36,18 @@ class Steady(NamedTuple):
     fast: float
 
     def states(self, substeps: Int64Array) -> Int64Array:
-        """Return the number of the state at each of some angles, counted through or not."""
+        """Return the state number at each angle, also beyond one cycle."""
         states: Int64Array = (substeps - self.first_substeps) // self.step_substeps % len(self.currents_a)
         return states
 
 
 class FieldTurns(NamedTuple):
-    """Steps, and what held meanwhile.
+    """Steps, and the settings meanwhile.
 
     Attributes:
         counts: shape (n,), instants.
-        substeps: shape (n,), the field's angle, counted through; it grows with DIR low.
-        steady: what held.
+        substeps: shape (n,), field angle, not wrapped at a cycle; it increases while DIR is low.
+        steady: constant settings.
     """
 
     counts: Int64Array
@@ -56,12 +56,12 @@ class FieldTurns(NamedTuple):
 
 
 class OutputChanges(NamedTuple):
-    """Any changes at the outputs, in order of time.
+    """Changes of any kind at the outputs, in order of time.
 
     Attributes:
         counts: shape (n,), instants.
-        substeps: shape (n,), as in `FieldTurns`.
-        currents_a: shape (n, 2), in phases A and B, rounded to mA.
+        substeps: shape (n,), field angle as in `FieldTurns`.
+        currents_a: shape (n, 2), currents of A and B, rounded to mA.
         fast: shape (n,), fraction of fast decay.
     """
 
@@ -72,24 +72,24 @@ class OutputChanges(NamedTuple):
 
 
 class OutputFollower:
-    """The changes at one chip's outputs since power-up, each told once."""
+    """Returns each change at one chip's outputs since power-up, once."""
 
     def __init__(self, wiring: Wiring, origin: Origin, protection: Protection) -> None:
-        """Begin at an origin, before any input has changed."""
+        """Begin at an origin, before any input change."""
         self._wiring, self._origin, self._protection = wiring, origin, protection
         self._changes: list[LevelChange] = []
         self._counts: list[Int64Array] = []
         self._signs: list[Int8Array] = []
-        """Steps since the origin."""
+        """Signs of the steps since the origin."""
         self._steady: Steady | None = None
-        """What holds while only steps come; None after a change of an input, until the outputs have followed."""
+        """Constant settings while only steps occur; None after an input change until the outputs have followed."""
         self._settled_counts = _SETTLING_COUNTS
         self._looked_counts = 0
         self._through: int | None = None
-        """The field's angle at the last look, counted through; None before its first change."""
+        """Field angle at the last call of `look`, not wrapped; None before its first change."""
 
     def take(self, changes: Sequence[LevelChange], counts: Int64Array, signs: Int8Array) -> None:
-        """Take the next changes of inputs and the next counted steps."""
+        """Add the next input changes and counted steps."""
         if changes:
             self._unsettle()
             self._changes += changes
@@ -99,9 +99,9 @@ class OutputFollower:
             self._signs.append(signs)
 
     def look(self, until_counts: int) -> FieldTurns | OutputChanges | None:
-        """Return what has changed before an instant since the last look; None for nothing.
+        """Return the changes since the last call, up to an instant; None if there are none.
 
-        No input may change, later, at an instant before this one.
+        No input change before this instant may be added later.
         """
         if self._steady and self._protection.shut_down(until_counts) != self._origin.shut_down:
             self._unsettle()
@@ -113,7 +113,7 @@ class OutputFollower:
         return changes
 
     def _unsettle(self) -> None:
-        """Begin a history at the last look, from what has held since then."""
+        """Begin a history at the last call of `look`, from the settings at that instant."""
         if self._steady is None:
             return
         self._steady = None
@@ -133,7 +133,7 @@ class OutputFollower:
         return FieldTurns(counts, through, steady)
 
     def _steps_before(self, until_counts: int) -> tuple[Int64Array, Int8Array]:
-        """Return the steps before an instant, and forget them."""
+        """Remove and return the steps before an instant."""
         if len(self._counts) == 1:
             ((counts,), (signs,)) = self._counts, self._signs
         else:
@@ -171,7 +171,7 @@ class OutputFollower:
 
 
 def _steady(outputs: ChipOutputs, counts: int) -> Steady:
-    """Return what holds at an instant."""
+    """Return the settings at an instant."""
     excitation, amplitude_a = outputs.setting(counts)
     (fast,) = outputs.fast_decay(np.array([counts], dtype=np.int64)).tolist()
     currents_a = _rounded(excitation.parts * amplitude_a)
@@ -179,5 +179,5 @@ def _steady(outputs: ChipOutputs, counts: int) -> Steady:
 
 
 def _rounded(currents_a: FloatArray) -> FloatArray:
-    """Return currents as a run's record has them, in whole mA."""
+    """Round currents to mA, as in the record of a run."""
     return np.asarray(1e-3 * np.rint(1000 * currents_a), dtype=np.float64)

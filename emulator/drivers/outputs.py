@@ -1,4 +1,4 @@
-"""Compute a chip's outputs at any instant from its counted steps and the history of its inputs."""
+"""Compute a chip's outputs at any instant, from its counted steps and the history of its inputs."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
@@ -17,7 +17,7 @@ _NEVER: Final = int(np.iinfo(np.int64).min)
 
 
 class Wiring:
-    """What the levels at a chip's inputs mean, by its sheet, and its full current in ampere."""
+    """The meaning of a chip's input levels, by its sheet, and its full current in ampere."""
 
     def __init__(self, sheet: ChipSheet, full_a: float) -> None:
         self.sheet: ChipSheet = sheet
@@ -28,10 +28,10 @@ class Wiring:
         )
         self._excitations = excitations(sheet)
         self.of_mode: set[str] = {*sheet.modes.value.pins, sheet.logic_rail, "RESET"}
-        """Inputs that decide by which angle a step turns the field, or put it to its home angle."""
+        """Inputs that determine the field angle of a step, or set the home angle."""
 
     def live(self, levels: Levels) -> int:
-        """Return 1 if CLK counts, or else the field is in its home state."""
+        """Return 1 if CLK counts, 0 if the field is in its home state."""
         return levels[self.sheet.logic_rail] & levels["RESET"]
 
     def supplied(self, levels: Levels) -> int:
@@ -39,18 +39,18 @@ class Wiring:
         return int(all(levels[rail] for rail in self.sheet.rails))
 
     def excitation(self, levels: Levels, before: Excitation | None = None) -> Excitation:
-        """Return the mode that levels select; the one before where the datasheet names none."""
+        """Return the mode that levels select; `before` if the datasheet defines none."""
         microsteps = self.sheet.modes.value.selected(levels)
         if microsteps is None:
             return before or self._excitations[self.sheet.microsteps[0]]
         return self._excitations[microsteps]
 
     def torque_percent(self, levels: Levels) -> int:
-        """Return the part of the full current."""
+        """Return the percentage of the full current."""
         return self.sheet.torque_percent.value.selected(levels) or 0
 
     def fast_percent(self, levels: Levels) -> int:
-        """Return the part of a chopping period with fast decay."""
+        """Return the percentage of a chopping period with fast decay."""
         return self.sheet.fast_decay_percent.value.selected(levels) or 0
 
     def home_field(self, levels: Levels, before: Excitation | None = None) -> "Field":
@@ -60,7 +60,7 @@ class Wiring:
 
 
 class Field(NamedTuple):
-    """Angle of the field in substeps, and the mode; `home` is True while the chip is in reset."""
+    """Field angle in substeps, and mode; `home` is True while the chip is in reset."""
 
     substeps: int
     excitation: Excitation
@@ -68,13 +68,13 @@ class Field(NamedTuple):
 
 
 class Origin(NamedTuple):
-    """State with which the outputs' history begins.
+    """State at the beginning of an output history.
 
     Attributes:
         levels: levels of the inputs.
-        field: angle and mode of the field.
+        field: field angle and mode.
         shut_down: 1 if the outputs are shut down, else 0.
-        from_counts: instant from which `ChipOutputs.instants` begins.
+        from_counts: first instant of `ChipOutputs.instants`.
     """
 
     levels: Levels
@@ -84,7 +84,7 @@ class Origin(NamedTuple):
 
 
 class _Stretch(NamedTuple):
-    """Time from an instant on in which each step turns the field by the same angle."""
+    """Time stretch in which each step turns the field by the same angle."""
 
     from_counts: int
     steps_before: int
@@ -92,7 +92,7 @@ class _Stretch(NamedTuple):
 
 
 class _Settings(NamedTuple):
-    """What the levels of the other inputs have selected from an instant on."""
+    """Settings from an instant on, selected by the other inputs."""
 
     from_counts: int
     torque_percent: int
@@ -101,10 +101,10 @@ class _Settings(NamedTuple):
 
 
 class ChipOutputs:
-    """Bridges and home output of one chip, by its steps and inputs since an origin.
+    """Bridges and home output of one chip, computed from steps and inputs since an origin.
 
-    Every query takes instants in counts, shape (n,), in any order. Chopping is not resolved: currents are the values to
-    which the chopper regulates. In a TB6560 a new value begins with the next edge of the oscillator (page 20), within
+    Every query takes instants in counts, shape (n,), in any order. Chopping is not modelled: currents are the values to
+    which the chopper regulates. In a TB6560 a new value starts with the next edge of the oscillator (page 20), within
     7.7 us at 330 pF.
     """
 
@@ -120,23 +120,24 @@ class ChipOutputs:
         self._origin = origin
         self._changes = tuple(changes)
         self.steps = steps
-        """Instants when the field was turned, and the signs, +1 or -1."""
+        """Instants of the field's steps, and their signs, +1 or -1."""
         self._step_counts = steps[0]
         self._turned = np.concatenate(([0], np.cumsum(steps[1], dtype=np.int64)))
         self._shutdowns = shutdowns
         self._stretches = list(self._follow())
         self._from_counts = np.array([stretch.from_counts for stretch in self._stretches], dtype=np.int64)
-        self._settings = list(self._select())
+        self._settings = [self._settings_at(_NEVER, origin.levels)]
+        self._settings += [self._settings_at(change.counts, levels) for change, levels in self._levels()]
 
     def _levels(self) -> Iterator[tuple[LevelChange, Levels]]:
-        """Yield each change of an input, and all levels after it."""
+        """Yield each input change, and all levels after it."""
         levels = dict(self._origin.levels)
         for change in self._changes:
             levels[change.terminal] = change.level
             yield change, levels
 
     def _follow(self) -> Iterator[_Stretch]:
-        """Yield the stretches between changes of RESET, the logic's supply and mode."""
+        """Yield the stretches between changes of RESET, logic supply and mode."""
         stretch = _Stretch(_NEVER, 0, self._origin.field)
         yield stretch
         for change, levels in self._levels():
@@ -152,12 +153,6 @@ class ChipOutputs:
             stretch = _Stretch(change.counts, steps, field)
             yield stretch
 
-    def _select(self) -> Iterator[_Settings]:
-        """Yield what holds from the beginning and from each change of an input on."""
-        yield self._settings_at(_NEVER, self._origin.levels)
-        for change, levels in self._levels():
-            yield self._settings_at(change.counts, levels)
-
     def _settings_at(self, counts: int, levels: Levels) -> _Settings:
         wiring = self._wiring
         return _Settings(counts, wiring.torque_percent(levels), wiring.fast_percent(levels), wiring.supplied(levels))
@@ -167,7 +162,7 @@ class ChipOutputs:
         return (stretch.field.substeps - turned) % self._wiring.cycle_substeps
 
     def at(self, counts: int, from_counts: int) -> Origin:
-        """Return the state at an instant as an origin, whose `instants` begin at `from_counts`."""
+        """Return the state at an instant as an origin of a history whose `instants` begin at `from_counts`."""
         levels = dict(self._origin.levels)
         levels |= {change.terminal: change.level for change in self._changes if change.counts < counts}
         stretch = self._stretches[int(np.searchsorted(self._from_counts, counts)) - 1]
@@ -177,9 +172,9 @@ class ChipOutputs:
         return Origin(levels, field, (shut_down or [self._origin.shut_down])[-1], from_counts)
 
     def instants(self) -> Int64Array:
-        """Return the sorted instants when an output may change; between them none does.
+        """Return the sorted instants at which an output may change; between them none changes.
 
-        An instant before the origin's `from_counts`, which has become known only now, is moved to that.
+        An instant before the origin's `from_counts`, reported late, is moved to `from_counts`.
         """
         changes = np.array([change.counts for change in self._changes], dtype=np.int64)
         enabled, _ = self._enabled()
@@ -189,11 +184,11 @@ class ChipOutputs:
 
     @property
     def from_counts(self) -> int:
-        """Instant from which `instants` begins: 0, or the end of those of an earlier origin."""
+        """First instant of `instants`: 0, or the end of the history of an earlier origin."""
         return self._origin.from_counts
 
     def field_substeps(self, counts: Int64Array) -> Int64Array:
-        """Return the field's angle within its cycle of four full steps; it grows with DIR low."""
+        """Return the field angle within its cycle of four full steps; it increases while DIR is low."""
         at = self._stretch_at(counts)
         turned = self._turned[np.searchsorted(self._step_counts, counts, side="right")]
         begun = np.array([stretch.steps_before for stretch in self._stretches], dtype=np.int64)[at]
@@ -207,11 +202,11 @@ class ChipOutputs:
         return np.asarray(np.searchsorted(self._from_counts, counts, side="right") - 1, dtype=np.int64)
 
     def angle_deg(self, counts: Int64Array) -> FloatArray:
-        """Return the field's electrical angle, 0 to below 360 degrees; a cycle is four full steps."""
+        """Return the electrical angle of the field, 0 to below 360 degrees; a cycle is four full steps."""
         return np.asarray(self.field_substeps(counts) * (360 / self._wiring.cycle_substeps), dtype=np.float64)
 
     def home_levels(self, counts: Int64Array) -> Int8Array:
-        """Return the home output with a pull-up: its level in reset, and in the home state, which comes once a cycle.
+        """Return the level of the home output with a pull-up; it is active in reset and once per cycle.
 
         Raises:
             ValueError: the chip has no such output.
@@ -226,7 +221,7 @@ class ChipOutputs:
         return np.where(home | (self.field_substeps(counts) == angles), level, 1 - level).astype(np.int8)
 
     def currents_a(self, counts: Int64Array) -> FloatArray:
-        """Return the currents in phases A and B in ampere, shape (n, 2), positive from OUT_P to OUT_M."""
+        """Return the currents of phases A and B in ampere, shape (n, 2), positive from OUT_P to OUT_M."""
         at, angles = self._stretch_at(counts), self.field_substeps(counts)
         modes = np.array([stretch.field.excitation.microsteps for stretch in self._stretches])[at]
         parts = np.zeros((counts.size, 2))
@@ -239,28 +234,28 @@ class ChipOutputs:
         return currents
 
     def _amplitudes_a(self, counts: Int64Array) -> FloatArray:
-        """Return the current of 100 percent, 0 while no current flows."""
+        """Return the current of 100 percent; 0 while no current flows."""
         percent = self._sampled("torque_percent", counts)
         return np.asarray(self._wiring.full_a * percent / 100 * self._on(counts), dtype=np.float64)
 
     def setting(self, counts: int) -> tuple[Excitation, float]:
-        """Return what holds at an instant beside the field's angle: the mode, and the current of 100 percent."""
+        """Return the mode and the current of 100 percent at an instant."""
         at = np.array([counts], dtype=np.int64)
         return self._stretches[int(self._stretch_at(at)[0])].field.excitation, float(self._amplitudes_a(at)[0])
 
     def fast_decay(self, counts: Int64Array) -> FloatArray:
-        """Return the fraction of a chopping period in which the current decays fast."""
+        """Return the fraction of a chopping period with fast decay."""
         return np.asarray(self._sampled("fast_percent", counts) / 100.0, dtype=np.float64)
 
     def _on(self, counts: Int64Array) -> Int8Array:
-        """Return 1 where current flows: the chip is supplied, enabled and not shut down; else 0."""
+        """Return 1 where current flows (the chip is supplied, enabled and not shut down), else 0."""
         enabled = _level_at(counts, *self._enabled(), self._origin.levels["ENABLE"])
         shut_down = _level_at(counts, *_arrays(self._shutdowns), self._origin.shut_down)
         on: Int8Array = self._sampled("supplied", counts).astype(np.int8) & enabled & (1 - shut_down)
         return on
 
     def _enabled(self) -> tuple[Int64Array, Int8Array]:
-        """Return the edges of ENABLE as they reach the outputs."""
+        """Return the edges of ENABLE with the delay until the outputs."""
         edges = [(change.counts, change.level) for change in self._changes if change.terminal == "ENABLE"]
         return self._wiring.enable_delay.passed(*_arrays(edges))
 
@@ -280,6 +275,6 @@ def _arrays(edges: Sequence[tuple[int, int]]) -> tuple[Int64Array, Int8Array]:
 
 
 def _level_at(counts: Int64Array, edges: Int64Array, levels: Int8Array, before: int) -> Int8Array:
-    """Return a level at instants in any order; `before` is the one before the first edge."""
+    """Return a level at instants in any order; `before` is the level before the first edge."""
     history = np.concatenate((np.array([before], dtype=np.int8), levels))
     return history[np.searchsorted(edges, counts, side="right")]

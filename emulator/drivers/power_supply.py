@@ -1,12 +1,12 @@
-"""The supply that all drivers of a board share: it sags under load, and rises while motors brake.
+"""The supply that all drivers of a board share: it drops under load, and rises while motors brake.
 
-A source with a resistance charges the capacitors at the drivers; the bridges draw from these what the phases take, and
-give back what the phases return. A power supply takes nothing back, so that energy stays in the capacitors:
+A source with a resistance charges the capacitors at the drivers. The bridges draw the energy of the phases from the
+capacitors and return it to them. The source does not take energy back, so returned energy stays in the capacitors:
 
     C du/dt = max(0, (V - u) / R) - p / u
 
-Both figures of a real one are in its datasheet, or measured: docs/motors.md. The function is plain, as those of
-`rotor_kernel`; the storage is SUPPLY_FIELDS numbers.
+Resistance and capacitance are in the datasheets of real ones, or measured: docs/motors.md. The function uses plain
+numbers, like those of `rotor_kernel`; its storage has SUPPLY_FIELDS numbers.
 """
 
 from dataclasses import dataclass
@@ -17,26 +17,26 @@ from steptwin.controller.motion.kernel import kernel_function
 VOLTS = 0
 """Voltage at the drivers."""
 OPEN_V = 1
-"""The source's, without load."""
+"""Voltage of the source without load."""
 OHM = 2
-"""Of the source and its wires; 0: the voltage does not change."""
+"""Resistance of source and wires; 0 for a constant voltage."""
 FARAD = 3
-"""Of the capacitors at the drivers."""
+"""Capacitance at the drivers."""
 FALL = 4
 """exp(-dt / RC)."""
 DRAWN_J = 5
 """Energy that the bridges draw in the present step."""
 LOWEST_V = 6
 HIGHEST_V = 7
-"""The extremes of the voltage so far."""
+"""Extremes of the voltage so far."""
 GIVEN_J = 8
-"""Energy that the source has given."""
+"""Energy that the source has delivered."""
 LOST_J = 9
-"""The part of it that its resistance has lost."""
+"""Part of GIVEN_J that was lost in the resistance."""
 SUPPLY_FIELDS = 10
 
 COLLAPSED_V = 0.1
-"""Least voltage of a supply that its load overwhelms: no driver works there, and nothing is divided by 0."""
+"""Lowest voltage of an overloaded supply: no driver works there, and divisions by 0 are avoided."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,12 +44,12 @@ class PowerSupply:
     """A source and the capacitors at the drivers.
 
     Attributes:
-        volt: without load.
-        ohm: of source and wires; 0: the voltage stays.
-        farad: of the capacitors.
+        volt: voltage without load.
+        ohm: resistance of source and wires; 0 for a constant voltage.
+        farad: capacitance at the drivers.
 
     Raises:
-        ValueError: a resistance without capacitors: nothing would hold what braking motors give back.
+        ValueError: a resistance without capacitance, which is needed to store the energy of braking motors.
     """
 
     volt: float
@@ -61,7 +61,7 @@ class PowerSupply:
             raise ValueError(f"farad: {self.farad:g} is not above 0, with {self.ohm:g} ohm")
 
     def numbers(self, dt_s: float) -> list[float]:
-        """Return the supply as `draw` stores it, for steps of `dt_s`."""
+        """Return the storage of `draw` for steps of `dt_s`."""
         values = [0.0] * SUPPLY_FIELDS
         for field in (VOLTS, OPEN_V, LOWEST_V, HIGHEST_V):
             values[field] = self.volt
@@ -72,7 +72,7 @@ class PowerSupply:
 
 @kernel_function
 def draw(supply: list[float], dt_s: float) -> None:
-    """Take the energy of a step, DRAWN_J, from the supply: its voltage follows exactly for a constant current."""
+    """Draw the energy of one step, DRAWN_J, from the supply; the voltage is exact for a constant current."""
     drawn, supply[DRAWN_J] = supply[DRAWN_J], 0.0
     ohm, farad, volts = supply[OHM], supply[FARAD], supply[VOLTS]
     if ohm == 0.0:

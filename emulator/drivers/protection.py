@@ -1,19 +1,19 @@
-"""Model what switches a chip's outputs off to protect it: its heat, and causes that it answers with a latch.
+"""Model a chip's protections, which switch its outputs off: thermal shutdown and latches.
 
-The heat is one thermal resistance and one thermal capacity between the junction and the ambient air: at a power P, the
-junction approaches ambient + P R exponentially, with the time constant R C. P is I^2 Ron of both phases, where Ron is
-the upper and lower transistor together: in microstep modes the currents are a cosine and a sine, which makes I_peak^2
-Ron; where both phases are full, as in a TB6560's two-phase mode, twice as much.
+The thermal model has one resistance and one capacity between junction and ambient air. At a power P, the junction
+approaches ambient + P R exponentially, with the time constant R C. P is I^2 Ron of both phases, where Ron is the upper
+and lower transistor together. In microstep modes the currents are a cosine and a sine, so P = I_peak^2 Ron. If both
+phases carry the full current, as in a TB6560's two-phase mode, P is twice as high.
 
-For the TB6560, R = 25 K/W without a heat sink follows from the 5 W that may be dissipated at 25 degC, with a limit of
-150 degC (pages 6 to 8). The capacity is not in the datasheet: 4 J/K is assumed, 10 g of copper and plastic. Its
-datasheet gives a hysteresis of 20 K and mentions no latch; the model takes the stricter reading: the outputs stay off
-until RESET is low with the junction at 150 degC or below, which an edge of RESET brings about or, while RESET is low,
-cooling down. RESET is a level (page 11). Other chips come on again as soon as they are cool enough (`Release`).
+For the TB6560, R = 25 K/W without heat sink follows from the allowed 5 W at 25 degC with a limit of 150 degC (pages 6
+to 8). The capacity is not in the datasheet: 4 J/K is assumed, for 10 g of copper and plastic. The datasheet gives a
+hysteresis of 20 K and no latch. The model uses the stricter interpretation: the outputs stay off until RESET is low
+while the junction is at 150 degC or below. RESET is a level (page 11), so it may also be low before the junction has
+cooled down. Other chips switch on again as soon as they are cool enough (`Release`).
 
-A short circuit trips the latch as soon as current flows, a supply that is too high as soon as it is there. The latch
-holds the outputs off after the cause has gone, until what its source says: ENABLE, reset, a power cycle, or nothing at
-all, for a chip without such a protection, which a short destroys. While the cause lasts it trips again.
+A short circuit trips the latch as soon as current flows; an overvoltage trips it at once. The latch keeps the outputs
+off after the cause is gone, until its release: ENABLE, reset or a power cycle. A chip without such a protection is
+destroyed by a short circuit: it has no release. While the cause lasts, the latch trips again.
 """
 
 from bisect import bisect_right
@@ -28,18 +28,18 @@ from steptwin.protocol.drivers import Cooling, Release, Shutdown
 
 
 class _Span(NamedTuple):
-    """Time from an instant on in which the junction goes from one temperature towards another."""
+    """Time span in which the junction changes from one temperature towards another."""
 
     from_counts: int
     start_celsius: float
     steady_celsius: float
     shut_down: bool
     until_counts: int | None
-    """Instant when a shutdown begins or ends; None if that does not happen without a change from outside."""
+    """Instant when a shutdown begins or ends; None if that needs an external change."""
 
 
 class Junction:
-    """The junction's temperature at any instant since power-up, when it is ambient."""
+    """Junction temperature at any instant since power-up, when it is ambient."""
 
     def __init__(self, cooling: Cooling, shutdown: Shutdown | None) -> None:
         self._cooling = cooling
@@ -74,9 +74,9 @@ class Junction:
         return self._span(counts).shut_down
 
     def shutdown_not_before(self, counts: int, power_max_w: float) -> int | None:
-        """Return the instant before which no shutdown can begin at up to this power, seen from `counts`; None: never.
+        """Return the instant before which no shutdown can begin at up to this power, from `counts` on; None for never.
 
-        During a shutdown, return the instant of its end instead; None if it does not end without a change of a pin.
+        During a shutdown, return the instant of its end instead; None if it ends only by a change of a pin.
         """
         span = self._span(counts)
         if span.shut_down:
@@ -92,7 +92,7 @@ class Junction:
         del self._spans[: max(self._at(counts), 0)]
 
     def shutdowns(self, until_counts: int) -> list[tuple[int, int]]:
-        """Return the instants when a shutdown began, 1, or ended, 0, unless they are forgotten."""
+        """Return the instants since `forget` when a shutdown began (1) or ended (0)."""
         self._reach(until_counts)
         known = [span for span in self._spans if span.from_counts <= until_counts]
         return [
@@ -119,7 +119,7 @@ class Junction:
     def _turn(self, counts: int) -> None:
         """Begin a new span at an instant, because the power or the release has changed."""
         start_celsius, shut_down = self.celsius(counts), self.shut_down(counts)
-        while self._spans[-1].from_counts > counts:  # these spans assumed that nothing would change
+        while self._spans[-1].from_counts > counts:  # these spans assumed no change
             self._spans.pop()
         self._begin(
             counts, start_celsius, shut_down and not (self._released and start_celsius <= self._release_celsius)
@@ -135,30 +135,30 @@ class Junction:
         self._spans.append(_Span(counts, start_celsius, steady_celsius, shut_down, until_counts))
 
     def _counts_to(self, celsius: float, start_celsius: float, steady_celsius: float) -> int:
-        """Return the time to reach a temperature on the way from one to another."""
+        """Return the time until a temperature is reached, from a start towards a steady temperature."""
         part = log((steady_celsius - start_celsius) / (steady_celsius - celsius))
         return ceil(part * self._cooling.time_constant_counts)
 
 
 class Protection:
-    """Whether a chip's outputs are shut down, at any instant since power-up."""
+    """Shutdowns of a chip's outputs, by temperature or latch, at any instant since power-up."""
 
     def __init__(self, junction: Junction, latches: Mapping[Rule, Release]) -> None:
         self.junction = junction
         self.causes: set[Rule] = set()
-        """The rules that are broken now."""
+        """Rules that are violated now."""
         self._latches = latches
         self._latched: set[Rule] = set()
         self._edges: list[tuple[int, bool]] = [(0, False)]
-        """Instants from which on a latch holds the outputs off, or none does; the first stands for all before it."""
+        """Instants when a latch began or ended; the first entry is valid for all earlier instants."""
 
     def trip(self, counts: int, powered: Mapping[Rule, bool], freed: Mapping[Release, bool]) -> Iterator[Rule]:
-        """Take what holds from an instant on; yield the rules whose latches trip.
+        """Update the latches with the conditions from an instant on; yield the rules whose latches trip.
 
         Args:
             counts: the instant.
-            powered: whether the cause of each rule would trip now.
-            freed: whether each release is at hand now.
+            powered: by rule, True if its cause would trip the latch now.
+            freed: by release, True if its condition is met now.
         """
         for rule, release in self._latches.items():
             if rule in self._latched and freed[release]:
@@ -171,15 +171,15 @@ class Protection:
 
     @property
     def latched(self) -> bool:
-        """Whether a latch holds the outputs off now."""
+        """True if a latch keeps the outputs off now."""
         return bool(self._latched)
 
     def shut_down(self, counts: int) -> bool:
-        """Return True if the outputs are shut down at an instant."""
+        """Return whether the outputs are shut down at an instant."""
         return self.junction.shut_down(counts) or self._held(counts)
 
-    def told(self, counts: int) -> bool:
-        """Return True if a fault output tells of it: nothing tells that a chip is destroyed."""
+    def reported(self, counts: int) -> bool:
+        """Return whether a fault output reports a shutdown at an instant; it does not report a destroyed chip."""
         silent = Release.NEVER in self._latches.values()
         return self.junction.shut_down(counts) or (self._held(counts) and not silent)
 
@@ -187,7 +187,7 @@ class Protection:
         return next((held for since, held in reversed(self._edges) if since <= counts), self._edges[0][1])
 
     def shutdowns(self, until_counts: int) -> list[tuple[int, int]]:
-        """Return the instants when a shutdown began, 1, or ended, 0, unless they are forgotten."""
+        """Return the instants since `forget` when a shutdown began (1) or ended (0)."""
         hot = self.junction.shutdowns(until_counts)
         if len(self._edges) == 1 and not self._edges[0][1]:
             return hot

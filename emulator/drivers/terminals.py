@@ -1,4 +1,4 @@
-"""The terminals of a driver: what is held at a level there, and stretches of edges."""
+"""The terminals of a driver: static levels and stretches of edges."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -11,14 +11,14 @@ from steptwin.emulator.board.edges import Int8Array, Int64Array
 
 
 class Rail(StrEnum):
-    """A supply: VDD of the chip's logic, VM of its bridges. It is high when it is up."""
+    """A supply: VDD of the chip's logic, VM of its bridges. Its level is high when it is up."""
 
     VDD = "VDD"
     VM = "VM"
 
 
 class LevelChange(NamedTuple):
-    """A terminal, by its name, takes a level, 0 or 1: a supply, a pin of the board, or a switch of the driver."""
+    """A level change at a named terminal: a supply, a pin of the board, or a switch of the driver."""
 
     counts: int
     terminal: str
@@ -29,16 +29,16 @@ class LevelChange(NamedTuple):
 class TerminalEdges:
     """One stretch of edges at a driver's inputs: sorted times in counts, and the level after each edge.
 
-    A pulse may begin in one stretch and end in a later one. Where the terminals are the chip's pins, it has then been
-    high for long enough to count.
+    A pulse may begin in one stretch and end in a later one. If the terminals are the chip's pins, it has then already
+    been high long enough to count.
 
     Attributes:
-        clk_rise_counts: shape (pulses,), the rises of STEP.
-        clk_fall_counts: its falls. The first may end a pulse of an earlier stretch, and the last pulse may have none.
-        dir_counts: shape (d,).
-        dir_levels: shape (d,).
-        changes: changes of the terminals that are held at a level.
-        until_counts: all edges before this instant are in this stretch or in an earlier one.
+        clk_rise_counts: shape (pulses,), rises of STEP.
+        clk_fall_counts: falls of STEP. The first may end a pulse of an earlier stretch; the last pulse may have none.
+        dir_counts: shape (d,), edges of DIR.
+        dir_levels: shape (d,), levels of DIR after its edges.
+        changes: level changes of the static terminals.
+        until_counts: all edges before this instant are in this stretch or an earlier one.
     """
 
     clk_rise_counts: Int64Array
@@ -50,11 +50,11 @@ class TerminalEdges:
 
     @property
     def ends_earlier(self) -> bool:
-        """Whether the first fall ends a pulse of an earlier stretch."""
+        """True if the first fall ends a pulse of an earlier stretch."""
         rises, falls = self.clk_rise_counts, self.clk_fall_counts
         return bool(falls.size and not (rises.size and rises[0] < falls[0]))
 
 
 SubstepArray = NDArray[np.signedinteger[Any]]
 Moves = tuple[Int64Array, SubstepArray]
-"""Instants of a rotor's moves, and each move in substeps (`ChipSheet.substeps`) with its sign."""
+"""Instants of a rotor's moves, and signed moves in substeps (`ChipSheet.substeps`)."""

@@ -1,1 +1,1 @@
-"""A board in real time: its pace, and the servers by which other programs reach it."""
+"""A board in real time: its pacing, and its servers for other programs."""

@@ -1,7 +1,7 @@
 """Connect a live board to a bus of python-can: virtual, SocketCAN, socketcand, an adapter.
 
-The simulated bus sees the real one as the host's interface. A frame passes both buses, so it arrives later by its own
-length than on one bus; so does the answer.
+For the simulated bus, the real one is the host's interface. A frame passes both buses. So it arrives one frame length
+later than on a single bus, and so does the answer.
 """
 
 import threading
@@ -15,9 +15,9 @@ from steptwin.emulator.live.live_simulation import LiveSimulation, Sender
 from steptwin.protocol.frame import COB_ID_MASK, Frame
 
 WINDOW_FRAMES: Final = 16
-"""Greatest number of frames that wait for the simulated bus; at equal bit rates it is rarely above one."""
+"""Highest number of frames that wait for the simulated bus; at equal bit rates rarely more than one waits."""
 INBOX_MAX: Final = 4096
-"""Greatest number of received frames in the inbox; further ones are lost, as in a full CAN controller."""
+"""Highest number of received frames in the inbox; further frames are lost, as in a full CAN controller."""
 _READ_S: Final = 0.2
 """Interval at which the reading thread checks whether the bridge is closed."""
 
@@ -32,13 +32,13 @@ class CanBridge:
 
     def __init__(self, loop: LiveLoop, bus: can.BusABC) -> None:
         self.foreign_frames: int = 0
-        """Number of dropped frames from the bus: not classical data frames with an 11-bit identifier."""
+        """Number of frames dropped because they are not classical data frames with an 11-bit identifier."""
         self.overruns: int = 0
-        """Number of frames from the bus that were lost because too many waited."""
+        """Number of frames lost because the inbox was full."""
         self.unsent_frames: int = 0
-        """Number of frames that the bus did not take."""
+        """Number of frames that the bus did not accept."""
         self.failure: str | None = None
-        """Error that made the bus unusable; None while it works."""
+        """Error that has made the bus unusable; None while it works."""
         self._loop = loop
         self._live: LiveSimulation = loop.live
         self._bus = bus
@@ -58,7 +58,7 @@ class CanBridge:
         self._reader.join()
         self._bus.shutdown()
 
-    # --- in, in a thread of its own, because most interfaces offer nothing that `select` could wait for
+    # --- in, with a thread, because `select` cannot wait for most interfaces
 
     def _read(self) -> None:
         while not self._closing:
@@ -71,12 +71,13 @@ class CanBridge:
                 self._take(message)
 
     def _take(self, message: can.Message) -> None:
-        frame = _frame_of(message)
-        if frame is None:
+        classical = not (message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd)
+        if not classical or message.arbitration_id > COB_ID_MASK:
             self.foreign_frames += 1
         elif len(self._inbox) >= INBOX_MAX:
             self.overruns += 1
         else:
+            frame = Frame(message.arbitration_id, bytes(message.data))
             self._inbox.append(_Received(frame, self._loop.now_ns()))
             self._loop.wake()
 
@@ -103,10 +104,3 @@ class CanBridge:
             self.unsent_frames += 1
         except Exception as error:
             self._fail(error)
-
-
-def _frame_of(message: can.Message) -> Frame | None:
-    classical = not (message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd)
-    if not classical or message.arbitration_id > COB_ID_MASK:
-        return None
-    return Frame(message.arbitration_id, bytes(message.data))

@@ -1,12 +1,12 @@
-"""Serve a live board's control port: clients operate the emulated machine by JSON lines and ask how it is.
+"""Serve a live board's control port: clients operate the emulated machine and read its state by JSON lines.
 
-A request enters the board at its instant, in order with the frames of other clients. Its answer is sent when the board
-has come to this instant; until then the client's next request waits. The loop takes one request a turn, whosever it is,
-so that clients that ask without pause hold it up by one request at a time.
+A request acts at its instant, in order with the frames of other clients. It is answered when the board has reached this
+instant; until then the client's next request waits. The loop handles one request per turn, from any client, so many
+requests delay it by one request at a time.
 
-A request is a JSON object (RFC 8259, in UTF-8) in a line of its own; so is its answer. Empty lines are passed over.
-A client that sends anything else speaks another protocol: the session closes and ignores all that follows. So a web
-page cannot slip a request into the body of an HTTP request, of which the head comes first.
+Request and answer are each a JSON object (RFC 8259, in UTF-8) in one line. Empty lines are ignored. If a client sends
+anything else, the session closes and ignores everything after it. So a web page cannot hide a request in the body of an
+HTTP request, because the HTTP header comes first.
 """
 
 import json
@@ -20,7 +20,7 @@ from steptwin.emulator.live.live_loop import LiveLoop
 from steptwin.emulator.live.tcp_server import Client, TcpServer
 
 LINE_MAX_BYTES: Final = 1024
-"""Greatest length of a request's line without its end; the longest useful one has some 200."""
+"""Longest line of a request, without its end; the longest useful one has some 200 bytes."""
 
 
 class JsonLineSession:
@@ -28,31 +28,38 @@ class JsonLineSession:
 
     def __init__(self) -> None:
         self.complaint: str = ""
-        """Reason why the session is closed."""
+        """Reason why the session is closed; empty while it is open."""
         self.outbox: bytearray = bytearray()
-        """Bytes to send to the client; the server removes what it has sent."""
+        """Bytes to send to the client; the server removes the sent ones."""
         self._inbox = bytearray()
 
     def feed(self, data: bytes) -> None:
-        """Take bytes that have come from the client, for `next_request` to read."""
+        """Append received bytes for `next_request`."""
         if not self.closed:
             self._inbox += data
 
     @property
     def closed(self) -> bool:
-        """True if the client sent something else than JSON objects in lines."""
+        """True if the client has sent anything but JSON objects in lines."""
         return bool(self.complaint)
 
     @property
     def backlog_bytes(self) -> int:
-        """Number of bytes that wait to be sent to the client."""
+        """Number of unsent bytes for the client."""
         return len(self.outbox)
 
     def next_request(self) -> dict[str, Any] | None:
         """Return the next request; None if more bytes are needed or the session is closed."""
         while (line := self._next_line()) is not None:
             if line:
-                return self._request(line)
+                try:
+                    request = json.loads(line.decode("utf-8"), parse_constant=_no_number)
+                except (ValueError, RecursionError):  # also an integer of thousands of digits
+                    request = None
+                if isinstance(request, dict):
+                    return request
+                self._close('the line is not a JSON object, such as {"do": "state"}')
+                return None
         return None
 
     def answer(self, document: dict[str, Any]) -> None:
@@ -69,16 +76,6 @@ class JsonLineSession:
         del self._inbox[: end + 1]
         return line.strip()
 
-    def _request(self, line: bytes) -> dict[str, Any] | None:
-        try:
-            request = json.loads(line.decode("utf-8"), parse_constant=_no_number)
-        except (ValueError, RecursionError):  # also an integer of thousands of digits
-            request = None
-        if not isinstance(request, dict):
-            self._close('the line is not a JSON object, such as {"do": "state"}')
-            return None
-        return request
-
     def _close(self, complaint: str) -> None:
         self.complaint = complaint
         self.answer({"error": complaint})
@@ -86,18 +83,18 @@ class JsonLineSession:
 
 
 def answer_line(document: dict[str, Any]) -> bytes:
-    """Return an answer as sent to clients: one line of ASCII, with its end."""
+    """Encode an answer as one line of ASCII with its line end."""
     return json.dumps(document).encode("ascii") + b"\n"
 
 
 def _no_number(text: str) -> NoReturn:
-    """Refuse NaN, Infinity and -Infinity, which Python's reader takes for numbers and RFC 8259 does not."""
+    """Refuse NaN, Infinity and -Infinity, which Python's parser accepts although RFC 8259 does not."""
     raise ValueError(f"{text} is not JSON")
 
 
 Answer = dict[str, Any]
 Handler = Callable[[dict[str, Any]], Answer]
-"""Does what a request asks for, and returns the answer; a refusal has the key `error`."""
+"""Executes a request and returns its answer; a refusal has the key `error`."""
 
 _Client = Client[JsonLineSession]
 
@@ -106,14 +103,14 @@ class ControlServer(TcpServer[JsonLineSession]):
     """Serves the clients of a listening socket, which the server owns and closes."""
 
     def __init__(self, loop: LiveLoop, listener: socket.socket, handle: Handler) -> None:
-        """Call `handle` in the loop's thread, with each request at its instant."""
+        """Call `handle` in the loop's thread with each request, at its instant."""
         self.requests: int = 0
-        """Number of requests, refused ones as well."""
+        """Number of requests, refused ones included."""
         self.refused: int = 0
         """Number of requests that were refused."""
         self._handle = handle
         self._turns: deque[tuple[_Client, dict[str, Any]]] = deque()
-        """Requests that wait for their turn; the first has it."""
+        """Waiting requests; the first one is in progress."""
         super().__init__(loop, listener, window=1)
 
     def _new_session(self) -> JsonLineSession:

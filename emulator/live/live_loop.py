@@ -1,10 +1,10 @@
-"""Run a live board: sleep until a socket is ready or the board has work, simulate, hand frames on.
+"""Run a live board: sleep until a socket is ready or the board has work, simulate, pass frames.
 
-One thread does everything. A sleep ends some 50 us late (Linux' timer slack), so the loop polls without sleeping while
+One thread does everything. A sleep ends some 50 us late (Linux' timer slack). So the loop polls without sleeping while
 a frame is on the simulated bus, because a client waits for the answer.
 
-When the loop wakes too late, it was held up and has not seen what the sockets received: the boards' clock then stands
-for that time. Time never advances beyond the last look at the sockets, wherever in the loop the process is held up.
+If the loop wakes too late, the process was delayed and has not read its sockets: the boards' clock then stops for that
+time. Simulated time never passes the last check of the sockets, at whatever point of the loop the process is delayed.
 """
 
 import selectors
@@ -20,14 +20,14 @@ from typing import Final
 from steptwin.emulator.live.live_simulation import LiveSimulation
 
 LOOK_NS: Final = 200_000
-"""Time for which the loop polls instead of sleeping while the bus is busy: 8 bytes at 1 Mbit/s last 135 us at most."""
+"""Time for which the loop polls without sleeping on a busy bus: 8 bytes at 1 Mbit/s last up to 135 us."""
 _SLEEP_MAX_NS: Final = 1_000_000_000
 
 Callback = Callable[[], None]
 
 
 class LiveLoop:
-    """Runs a live simulation until it is stopped; a context manager that closes its sockets."""
+    """Runs a live simulation until `stop`; a context manager that closes its sockets."""
 
     def __init__(
         self,
@@ -39,15 +39,15 @@ class LiveLoop:
 
         Args:
             live: the simulation.
-            clock_ns: wall clock of pacer and timers; Windows' monotonic one stands for 15.6 ms before Python 3.13.
-            selector: sleeps until a socket is ready; by default `select`, the only one that sleeps less than 1 ms.
+            clock_ns: wall clock of pacer and timers. Windows' monotonic clock has steps of 15.6 ms before Python 3.13.
+            selector: waits until a socket is ready; by default `select`, the only one that sleeps less than 1 ms.
         """
         self.live = live
         self.now_ns = clock_ns
         self.looked_ns: int = 0
-        """Instant of the last look at the sockets; a frame read since then has come in at this instant."""
+        """Instant of the last check of the sockets; frames read since then have this instant."""
         self.hand_on: Callback = lambda: None
-        """Called after each stretch of simulation, to send waiting frames."""
+        """Called after each slice of simulation, to send waiting frames."""
         self._selector = selector or selectors.SelectSelector()
         self._timers: list[tuple[int, int, Callback]] = []
         self._numbers = count()
@@ -67,10 +67,10 @@ class LiveLoop:
         self._waker.close()
         self._woken.close()
 
-    # --- what else happens
+    # --- callbacks
 
     def watch(self, sock: socket.socket, events: int, callback: Callback) -> None:
-        """Call back whenever a socket is ready for any of these events; 0 ends the watching."""
+        """Call back whenever a socket is ready for one of these events; 0 ends this."""
         watched = sock.fileno() in self._selector.get_map()
         if not events:
             if watched:
@@ -81,20 +81,20 @@ class LiveLoop:
             self._selector.register(sock, events, callback)
 
     def call_after(self, dt_s: float, callback: Callback) -> None:
-        """Call back once after a duration of wall time."""
+        """Call back once after a wall time."""
         heappush(self._timers, (self.now_ns() + round(dt_s * 1e9), next(self._numbers), callback))
 
     def call_every(self, dt_s: float, callback: Callback) -> None:
-        """Call back repeatedly, each time a duration of wall time after the last call."""
+        """Call back repeatedly, each time a wall time after the last call."""
 
-        def again() -> None:
+        def repeat() -> None:
             callback()
-            self.call_after(dt_s, again)
+            self.call_after(dt_s, repeat)
 
-        self.call_after(dt_s, again)
+        self.call_after(dt_s, repeat)
 
     def call_soon(self, callback: Callback) -> None:
-        """Call back once between two stretches of simulation; may be called from any thread."""
+        """Call back once between two slices of simulation; may be called from any thread."""
         self._soon.append(callback)
         self.wake()
 
@@ -121,8 +121,8 @@ class LiveLoop:
             wake_ns = self._wake_ns()
             ready = select(self._sleep_s(wake_ns))
             self.looked_ns = self.now_ns()
-            if live.stand(self.looked_ns - wake_ns):
-                ready = select(0)  # what came while the process was held up, perhaps after `select` had looked
+            if live.pause(self.looked_ns - wake_ns):
+                ready = select(0)  # for what arrived while the process was delayed, perhaps after the last `select`
             for key, _ in ready:
                 key.data()
             while self._soon:
@@ -136,7 +136,7 @@ class LiveLoop:
             live.work(self.now_ns)
 
     def _wake_ns(self) -> int:
-        """Return the instant when the loop next has work, as far as it is known."""
+        """Return the next known instant at which the loop has work."""
         now_ns = self.now_ns()
         wake_ns = min(self.live.wake_ns(now_ns), now_ns + _SLEEP_MAX_NS)
         return min(wake_ns, self._timers[0][0]) if self._timers else wake_ns

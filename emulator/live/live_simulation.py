@@ -1,21 +1,20 @@
-"""Run the simulation in real time: pace it by the wall clock, whose time is an argument of each call.
+"""Run the simulation in real time, paced by the wall clock, whose time is an argument of each call.
 
-A frame that comes in at an instant of the wall clock enters the simulated bus at the corresponding count, but never
-before the time that is simulated already. So a late process changes nothing on the board, only the time when others
-see it. Frames enter at whole microseconds, as all else happens on a bus with one of our bit rates: so a log in
-microseconds tells every instant exactly.
+A frame that arrives at an instant of the wall clock enters the simulated bus at the corresponding count, but never
+before the simulated time. So a late process changes nothing on the board, only the time when others see it. Frames
+enter at whole microseconds, like all other events on a bus with one of the supported bit rates. So a log in
+microseconds is exact.
 
-A `Pacer` converts between instants of the wall clock and counts of the board's 72 MHz clock, which may stand for a
-while.
+A `Pacer` converts between instants of the wall clock and counts of the board's 72 MHz clock, which may pause.
 
-The lateness is measured: for each servo tick of a motion until its edges are known, and for each frame of a board until
-it is handed on.
+The lateness is measured: of each servo tick of a motion until its edges are known, and of each frame of a board until
+it is passed on.
 
-A process that was held up has not seen what came in meanwhile, so the board must not live through that time without it:
-its clock stands instead (`stand`), and the frames enter before it goes on.
+A delayed process has not read the frames that arrived meanwhile. The board must not simulate this time without them:
+its clock pauses (`pause`), and the frames enter before it continues.
 
-Where motors turn with the boards, their rotors may lag behind the boards as long as nothing asks for them. They follow
-in small pieces in the time that is left between ticks (`work`).
+With motors in the loop, the rotors may lag behind the boards until a result is needed. They are simulated in small
+pieces in the free time between ticks (`work`).
 """
 
 from collections import deque
@@ -39,9 +38,9 @@ _SPEED_PARTS: Final = 1_000_000
 
 
 class Pacer:
-    """Counts since the boards were switched on at `start_ns`; `speed` simulated seconds pass in a second.
+    """Converts wall clock to counts since power-up at `start_ns`; `speed` is simulated time per wall time.
 
-    It computes in integers, so that nothing drifts.
+    It computes with integers, so there is no drift.
 
     Raises:
         ValueError: the speed is not from SPEED_MIN to SPEED_MAX.
@@ -52,36 +51,36 @@ class Pacer:
             raise ValueError(f"speed {speed:g} is not from {SPEED_MIN:g} to {SPEED_MAX:g}")
         rate = Fraction(speed).limit_denominator(_SPEED_PARTS) * Fraction(COUNTS_PER_SECOND, _NS_PER_SECOND)
         self.start_ns = start_ns
-        """Instant when the boards are switched on; may be set later until then."""
-        self.stood_ns: int = 0
-        """Wall time for which the boards' clock has stood since."""
+        """Instant when the boards are switched on; may be changed before."""
+        self.paused_ns: int = 0
+        """Wall time for which the boards' clock has paused since."""
         self.speed = speed
         self._counts, self._per_ns = rate.numerator, rate.denominator
 
-    def stand(self, dt_ns: int) -> None:
-        """Leave a duration of the wall clock out: every count begins later by it than it would have.
+    def pause(self, dt_ns: int) -> None:
+        """Pause the boards' clock for a duration of the wall clock: every later count begins later by it.
 
-        An instant before the end of that duration then belongs to an earlier count than before the call.
+        An instant before the end of the pause then belongs to an earlier count than before the call.
         """
-        self.stood_ns += dt_ns
+        self.paused_ns += dt_ns
 
     def counts_at(self, now_ns: int) -> int:
-        """Return the last count that has begun at an instant."""
-        return (now_ns - self.start_ns - self.stood_ns) * self._counts // self._per_ns
+        """Convert an instant to the last count that has begun."""
+        return (now_ns - self.start_ns - self.paused_ns) * self._counts // self._per_ns
 
     def ns_at(self, counts: int) -> int:
-        """Return the first nanosecond of a count."""
-        return self.start_ns + self.stood_ns - (-counts * self._per_ns // self._counts)
+        """Convert a count to its first nanosecond."""
+        return self.start_ns + self.paused_ns - (-counts * self._per_ns // self._counts)
 
 
 _SUBDIVISION_BITS: Final = 4
-"""16 classes for each doubling: a figure read from the histogram is at most 1/16 too large."""
+"""Histogram resolution: 16 classes per octave, so a figure is at most 1/16 too high."""
 _CLASSES: Final = 1 << _SUBDIVISION_BITS
 STALL_NS: Final = 10_000_000
-"""Lateness of the loop, in wall time, that the board catches up; for what is beyond it the board's clock stands.
+"""Longest lateness of the loop that the board catches up; beyond it, the boards' clock pauses.
 
-It is well below the times within which CANopen programs notice a loss, some tens of milliseconds, and well above the
-usual lateness of a process that is not starved.
+It is well below the time-outs of CANopen programs, some tens of milliseconds, and well above the usual lateness of a
+process with enough processor time.
 """
 
 
@@ -102,7 +101,7 @@ class Lateness:
         self._counts[number] = self._counts.get(number, 0) + 1
 
     def percentile_ns(self, percent: float) -> int:
-        """Return a bound that this part of all events does not exceed, the upper end of a class; 0 without events."""
+        """Return a percentile of the lateness, as the upper end of its class; 0 without events."""
         seen = 0
         for number in sorted(self._counts):
             seen += self._counts[number]
@@ -112,7 +111,7 @@ class Lateness:
 
 
 def _class_of(late_ns: int) -> int:
-    """Return the class of a lateness: one for each nanosecond below 32 ns, above that one for each first five bits."""
+    """Return the class of a lateness: below 32 ns one per nanosecond, above one per value of the first five bits."""
     shift = max(late_ns.bit_length() - _SUBDIVISION_BITS - 1, 0)
     return shift * _CLASSES + (late_ns >> shift)
 
@@ -123,7 +122,7 @@ def _upper_end_ns(number: int) -> int:
 
 
 class Stalls:
-    """Number, sum and maximum of the stalls."""
+    """Number, sum and maximum of the pauses of the boards' clock."""
 
     def __init__(self) -> None:
         self.count: int = 0
@@ -131,24 +130,24 @@ class Stalls:
         self.longest_ns: int = 0
 
     def add(self, dt_ns: int) -> None:
-        """Add a stall."""
+        """Add a pause."""
         self.count += 1
         self.total_ns += dt_ns
         self.longest_ns = max(self.longest_ns, dt_ns)
 
 
 SLICE_COUNTS: Final = COUNTS_PER_SECOND // 100
-"""Greatest stretch of time that is simulated at once while catching up, so that sockets have their turn."""
+"""Longest time that is simulated at once while catching up, so sockets are served in between."""
 PIECE_NS: Final = 100_000
-"""Time that a piece of work on the rotors takes at most, as a rule: it takes 60 us on a slow computer."""
+"""Usual upper bound of the time for one piece of rotor work: it takes 60 us on a slow computer."""
 WORK_NS: Final = 100_000
-"""Time for which this work goes on until there is a look at the sockets."""
+"""Time of rotor work after which the sockets are checked."""
 _FAR_COUNTS: Final = 1 << 62
 
 Sender = Hashable
-"""Identifies a sender behind the host's interface."""
+"""Identifies one of the senders that share the host's interface."""
 Viewer = Callable[[Frame, int, Sender | None], None]
-"""Called with a frame, the instant in counts when it became valid, and its sender: None for a board."""
+"""Called with a frame, the instant in counts when it became valid, and its sender (None for a board)."""
 
 
 class _Incoming(NamedTuple):
@@ -157,24 +156,24 @@ class _Incoming(NamedTuple):
 
 
 class LiveSimulation:
-    """A simulation in real time; several senders share the host's one interface, as sockets share `can0`."""
+    """A simulation in real time. Several senders share the host's interface, like sockets share `can0`."""
 
     def __init__(self, simulation: Simulation, pacer: Pacer) -> None:
         self.simulation = simulation
         self.pacer = pacer
         self.epoch_us: int = 0
-        """Time when the boards were switched on, in us since 1970; gives frames a time of day."""
+        """Time of day when the boards were switched on, in us since 1970."""
         self.view: Viewer = lambda _frame, _counts, _sender: None
         """Called with every frame on the bus."""
         self.ticks: Lateness = Lateness()
-        """Lateness of the servo ticks when an event is possible: while an axis moves, and a little longer."""
+        """Lateness of the servo ticks in motion and shortly after, when events are possible."""
         self.frames: Lateness = Lateness()
         """Lateness of the boards' frames."""
         self.stalls: Stalls = Stalls()
-        """Times for which the boards' clock stood."""
+        """Pauses of the boards' clock."""
         self._incoming: deque[_Incoming] = deque()
         self._senders: dict[Frame, deque[Sender]] = {}
-        """Senders of the frames that wait for the bus; equal frames are sent in the order that they came."""
+        """Senders of the waiting frames; equal frames are sent in the order of their arrival."""
         self._due_counts: list[int] = []
         """Instants of the boards' frames since `settle`."""
         self._ticks = range(0)
@@ -183,13 +182,13 @@ class LiveSimulation:
         simulation.host.on_sent = self._sent
 
     def send(self, frame: Frame, sender: Sender, now_ns: int) -> None:
-        """Queue a frame that has come in at an instant; instants may not decrease from call to call."""
+        """Queue a frame that has arrived at an instant; instants may not decrease from call to call."""
         self.call(partial(self._enter, frame, sender), now_ns)
 
     def call(self, action: Callable[[], None], now_ns: int) -> None:
-        """Let something be done at an instant of the wall clock, such as an operation on a machine.
+        """Schedule an action, such as an operation on a machine, at an instant of the wall clock.
 
-        The action is called when the boards have come to this instant, in order with the frames of `send`.
+        It is called when the boards have reached this instant, in order with the frames of `send`.
         """
         self._incoming.append(_Incoming(now_ns, action))
 
@@ -211,31 +210,31 @@ class LiveSimulation:
     # --- time
 
     def start(self, now_ns: int, epoch_us: int) -> None:
-        """Switch the boards on now, which is `epoch_us` since 1970; call this before the first `advance`."""
+        """Switch the boards on now (`epoch_us` since 1970), before the first `advance`."""
         self.pacer.start_ns = now_ns
         self.epoch_us = epoch_us
 
-    def stand(self, late_ns: int) -> bool:
-        """Let the boards' clock stand for as long as the process has just been held up, less what it may catch up.
+    def pause(self, late_ns: int) -> bool:
+        """Pause the boards' clock for the time that the process has just been delayed, minus STALL_NS.
 
-        After it, let all frames that have come in meanwhile be sent before time advances, so that none of them comes
-        later on the boards' clock than by STALL_NS. To catch up that much each time lets a board on a starved computer
-        live several times as fast as its share of the processor.
+        Afterwards, pass all frames that have arrived meanwhile before `advance`, so none of them is late by more than
+        STALL_NS on the boards' clock. Because up to STALL_NS is caught up each time, a board on an overloaded computer
+        runs several times as fast as its share of the processor.
 
         Args:
-            late_ns: the time that has passed since the process wanted to look for frames and to `advance`.
+            late_ns: time since the instant for which the process had planned to read frames and `advance`.
 
         Returns:
-            True if the clock has stood.
+            True if the clock has paused.
         """
         if late_ns <= STALL_NS:
             return False
-        self.pacer.stand(late_ns - STALL_NS)
+        self.pacer.pause(late_ns - STALL_NS)
         self.stalls.add(late_ns - STALL_NS)
         return True
 
     def advance(self, now_ns: int) -> None:
-        """Simulate up to an instant, but at most one slice while the boards are busy."""
+        """Simulate up to an instant; at most one slice while the boards are busy."""
         simulation = self.simulation
         from_counts = simulation.now_counts
         moving = self.moving
@@ -250,7 +249,7 @@ class LiveSimulation:
             self._ticks = range(-(-from_counts // TICK_COUNTS), -(-simulation.now_counts // TICK_COUNTS))
 
     def _until_counts(self, now_ns: int, *, moving: bool) -> int:
-        """Return the count up to which to simulate: at most a slice in motion, on to the next event at rest."""
+        """Return the count up to which to simulate: in motion at most one slice, at standstill the next event."""
         goal_counts = self._counts_at(now_ns)
         slice_end_counts = self.simulation.now_counts + SLICE_COUNTS
         if moving or goal_counts <= slice_end_counts:
@@ -258,12 +257,12 @@ class LiveSimulation:
         return max(slice_end_counts, self.simulation.next_event_counts(goal_counts))
 
     def _counts_at(self, now_ns: int) -> int:
-        """Return the count of the last whole microsecond that has begun at an instant."""
+        """Convert an instant to the count of the last whole microsecond that has begun."""
         counts = self.pacer.counts_at(now_ns)
         return counts - counts % COUNTS_PER_US
 
     def settle(self, now_ns: int) -> None:
-        """Note the lateness of everything simulated since the last call, which is handed on by now."""
+        """Record the lateness of everything simulated since the last call; by now it has been passed on."""
         for tick in self._ticks:
             self.ticks.add(now_ns - self.pacer.ns_at(tick * TICK_COUNTS))
         for counts in self._due_counts:
@@ -272,10 +271,10 @@ class LiveSimulation:
         self._due_counts.clear()
 
     def work(self, clock_ns: Callable[[], int]) -> None:
-        """Let the motors' rotors follow the boards while nothing else is to do.
+        """Simulate the motors' rotors in idle time.
 
-        A piece of this work begins if there is time for it until the next tick; one of them in any case where the work
-        would else be left until it must be done at once, which takes longer than a tick.
+        A piece of work begins if there is time for it until the next tick. If the rotors lag too far behind
+        (`pressing`), one piece is done in any case: to catch up everything later would take longer than a tick.
         """
         watch = self.simulation.rotor_watch
         if watch is None or watch.work_counts > self.simulation.now_counts:
@@ -288,7 +287,7 @@ class LiveSimulation:
             watch.work()
 
     def wake_ns(self, now_ns: int) -> int:
-        """Return the instant when `advance` or `work` next has work, as far as it is known."""
+        """Return the next known instant at which `advance` or `work` has work."""
         due_ns, watch = self.due_ns, self.simulation.rotor_watch
         if watch is None:
             return due_ns
@@ -297,15 +296,15 @@ class LiveSimulation:
 
     @property
     def moving(self) -> bool:
-        """True while a motion runs or has just ended, so that any tick may bring an event."""
+        """True in motion and shortly after, when any tick may have an event."""
         return any(board.moving for board in self.simulation.boards)
 
     @property
     def due_ns(self) -> int:
-        """Instant when `advance` next has work, as far as it is known."""
+        """Next known instant at which `advance` has work."""
         now_counts = self.simulation.now_counts
         due_counts = _FAR_COUNTS
-        if self.moving:  # a tick is simulated as soon as time passes its start
+        if self.moving:  # a tick is simulated at its start
             due_counts = -(-now_counts // TICK_COUNTS) * TICK_COUNTS + COUNTS_PER_US
         if self._incoming:
             due_counts = min(due_counts, self._counts_at(self._incoming[0].now_ns))
@@ -313,7 +312,7 @@ class LiveSimulation:
 
 
 def warm_up(kernel: Kernel) -> None:
-    """Call the kernel's functions once, because the first call loads or compiles them, which takes long."""
+    """Call the kernel's functions once, because the first call loads or compiles them, which is slow."""
     motion = BoardMotion(kernel, 1)
     (axis,) = motion.axes
     axis.configure(StepConfig(1, 1_000, 1_000, 0, 0, velocity_max_units_per_s=1 << 20))

@@ -1,11 +1,12 @@
-"""Serve clients of a live board over TCP as socketcand does: python-can's interface `socketcand` and all built on it.
+"""Serve clients of a live board over TCP with the protocol of socketcand, for python-can's interface `socketcand`.
 
-`SocketcandSession` speaks the protocol without I/O: bytes in; frames to send, and bytes, out. `SocketcandServer` loses
-no frames of a client: those that it sends wait in its socket while the bus is busy with its earlier ones; those for it
-wait here until it reads.
+`SocketcandSession` implements the protocol without I/O: bytes in; frames to send, and bytes, out. `SocketcandServer`
+loses no frames of a client. Frames from a client wait in its socket while the bus is busy with earlier ones; frames for
+a client wait here until it reads.
 
 Sources: doc/protocol.md of github.com/linux-can/socketcand, and the behaviour of python-can's client. Only the mode RAW
 is served, which python-can uses. The server greets with `< hi >`; then
+
 
     < open vcan0 >                       < ok >      any name opens the only bus
     < rawmode >                          < ok >
@@ -13,7 +14,7 @@ is served, which python-can uses. The server greets with `< hi >`; then
     < echo >                             < echo >
                                          < frame 181 1700000000.123456 0102A0 >      a frame of another sender
 
-python-can compares a whole `recv` with `< ok >`, so nothing may follow it soon: frames for the client are held back
+python-can compares a complete `recv` with `< ok >`, so no byte may follow it closely. Frames for the client are held
 until its first `send`, or until `break_silence`.
 """
 
@@ -30,11 +31,11 @@ from steptwin.protocol.frame import COB_ID_MASK, Frame
 from steptwin.protocol.timer import COUNTS_PER_US
 
 COMMAND_MAX: Final = 512
-"""Greatest number of bytes from < to >; the longest legal command, an FD frame, has 220."""
+"""Longest command in bytes, from < to >; the longest legal one, an FD frame, has 220."""
 SILENCE_S: Final = 0.1
-"""Silence after `rawmode` towards a client that does not send: by its end the client has read the answer."""
+"""Pause after `rawmode` for a client that does not send; after it, the client has read the answer."""
 WINDOW_FRAMES: Final = 16
-"""Greatest number of one client's frames that wait for the bus; they delay other clients by 2 ms at 1 Mbit/s."""
+"""Highest number of one client's waiting frames; they delay other clients by 2 ms at 1 Mbit/s."""
 
 _BETWEEN: Final = b" \t\r\n"
 _SEND: Final = re.compile(rb"<\s*send\s+([0-9A-Fa-f]{1,3}|[0-9A-Fa-f]{8})\s+([0-8])((?:\s+[0-9A-Fa-f]{1,2})*)\s*>")
@@ -42,13 +43,13 @@ _WORDS: Final = re.compile(rb"<\s*([a-z]+)((?:\s+[^\s<>]+)*)\s*>")
 
 
 class SessionMode(Enum):
-    """State of the dialogue with a client."""
+    """State of a client's session."""
 
     NO_BUS = auto()
     BUS_OPEN = auto()
     RAW = auto()
     CLOSED = auto()
-    """The client broke the protocol and must be disconnected."""
+    """The client has violated the protocol and must be disconnected."""
 
 
 _MODES: Final = {
@@ -56,9 +57,9 @@ _MODES: Final = {
     (SessionMode.BUS_OPEN, b"rawmode"): SessionMode.RAW,
     (SessionMode.RAW, b"rawmode"): SessionMode.RAW,
 }
-"""Commands that are answered by `< ok >`, and the mode after each."""
+"""Commands with the answer `< ok >`, and the mode after them."""
 _FOREIGN: Final = (b"sendrtr", b"fdsend")
-"""Commands that send frames of other kinds, which the board would not accept."""
+"""Commands that send other kinds of frames, which the board does not accept."""
 _SENDING: Final = (SessionMode.BUS_OPEN, SessionMode.RAW)
 
 
@@ -68,24 +69,24 @@ class SocketcandSession:
     def __init__(self) -> None:
         self.mode: SessionMode = SessionMode.NO_BUS
         self.complaint: str = ""
-        """Reason why the session is closed."""
+        """Reason why the session is closed; empty while it is open."""
         self.outbox: bytearray = bytearray(b"< hi >")
-        """Bytes to send to the client; the server removes what it has sent."""
+        """Bytes to send to the client; the server removes the sent ones."""
         self.foreign_frames: int = 0
         """Number of dropped frames: remote frames, CAN FD frames and frames with 29-bit identifiers."""
         self._inbox = bytearray()
         self._held: bytearray | None = None
-        """Frames held back during the silence after `rawmode`; None outside of it."""
+        """Text of frames held during the pause after `rawmode`; None outside of it."""
 
     # --- in
 
     def feed(self, data: bytes) -> None:
-        """Take bytes that have come from the client, for `next_frame` to read."""
+        """Append received bytes for `next_frame`."""
         if self.mode is not SessionMode.CLOSED:
             self._inbox += data
 
     def next_frame(self) -> Frame | None:
-        """Return the next frame that the client sends; None if more bytes are needed or the session is closed."""
+        """Return the next frame from the client; None if more bytes are needed or the session is closed."""
         while (command := self._next_command()) is not None:
             sending = _SEND.fullmatch(command)
             if sending and self.mode in _SENDING:
@@ -98,7 +99,7 @@ class SocketcandSession:
         return None
 
     def _next_command(self) -> bytes | None:
-        """Cut the next command out of the inbox; only blanks may stand between commands."""
+        """Remove the next command from the inbox; only blanks are allowed between commands."""
         self._inbox = self._inbox.lstrip(_BETWEEN)
         if not self._inbox:
             return None
@@ -151,19 +152,19 @@ class SocketcandSession:
 
     @property
     def closed(self) -> bool:
-        """True if the client broke the protocol."""
+        """True if the client has violated the protocol."""
         return self.mode is SessionMode.CLOSED
 
     # --- out
 
     @property
     def silent(self) -> bool:
-        """True while frames are held back after `rawmode`."""
+        """True while frames are held after `rawmode`."""
         return self._held is not None
 
     @property
     def backlog_bytes(self) -> int:
-        """Number of bytes that wait to be sent to the client."""
+        """Number of unsent bytes for the client."""
         return len(self.outbox) + len(self._held or b"")
 
     def deliver(self, text: bytes) -> None:
@@ -174,14 +175,14 @@ class SocketcandSession:
             self.outbox += text
 
     def break_silence(self) -> None:
-        """Release the frames that were held back."""
+        """Release the held frames."""
         if self._held is not None:
             self.outbox += self._held
             self._held = None
 
 
 def frame_text(frame: Frame, time_us: int) -> bytes:
-    """Return a frame as sent to clients; `time_us` since 1970. Without data two spaces precede >, as clients expect."""
+    """Return a frame's text for clients; `time_us` since 1970. Without data, clients expect two spaces before >."""
     seconds, us = divmod(time_us, 1_000_000)
     return f"< frame {frame.cob_id:03X} {seconds}.{us:06d} {frame.data.hex().upper()} >".encode("ascii")
 
@@ -202,7 +203,7 @@ class SocketcandServer(TcpServer[SocketcandSession]):
 
     @property
     def foreign_frames(self) -> int:
-        """Number of dropped frames of clients, of kinds that this bus does not carry."""
+        """Number of clients' frames that were dropped because this bus does not support their kind."""
         return self._foreign_frames + sum(client.session.foreign_frames for client in self._clients)
 
     def _new_session(self) -> SocketcandSession:
@@ -218,7 +219,7 @@ class SocketcandServer(TcpServer[SocketcandSession]):
         super()._forget(client)
 
     def _pass_on(self, client: _Client) -> None:
-        """Pass a client's frames on while its window has room."""
+        """Send a client's frames while fewer than WINDOW_FRAMES wait."""
         session = client.session
         was_silent = session.silent
         while client.waiting < WINDOW_FRAMES and (frame := session.next_frame()):
@@ -232,7 +233,7 @@ class SocketcandServer(TcpServer[SocketcandSession]):
             client.session.break_silence()
             self._tend(client)
 
-    # --- the bus has something to show
+    # --- frames from the bus
 
     def _show(self, frame: Frame, counts: int, sender: Sender | None) -> None:
         text = frame_text(frame, self._live.epoch_us + counts // COUNTS_PER_US)

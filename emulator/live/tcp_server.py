@@ -1,7 +1,7 @@
-"""Serve the clients of a listening socket in a live board's loop, which no client may hold up.
+"""Serve the clients of a listening socket in a live board's loop; no client can block the loop.
 
-Nothing here waits: what a client sends is read as far as its protocol has room for it, and what is for a client waits
-here until it reads. A client that does not read is disconnected before too many bytes wait.
+All I/O is non-blocking. Bytes from a client are read while its protocol can accept them. Bytes for a client wait here
+until it reads them; a client with too many unread bytes is disconnected.
 """
 
 import errno
@@ -20,11 +20,11 @@ from steptwin.emulator.live.live_loop import LiveLoop
 from steptwin.emulator.live.live_simulation import LiveSimulation
 
 CLIENTS_MAX: Final = 250
-"""Greatest number of clients; the loop's `select` takes a thousand files at most, and each client is one."""
+"""Highest number of clients. The loop's `select` supports a thousand files, and each client is one."""
 BACKLOG_MAX_BYTES: Final = 1 << 20
-"""Bytes that a client may leave unread beside the operating system's buffers: some 20 000 frames."""
-REST_S: Final = 0.2
-"""Time for which no client is accepted after the operating system had no file for a client."""
+"""Highest number of unread bytes, in addition to the operating system's buffers: some 20 000 frames."""
+ACCEPT_PAUSE_S: Final = 0.2
+"""Pause of accepting clients after the operating system has run out of files."""
 _OUT_OF_FILES: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 _SEND_BUFFER_BYTES: Final = 1 << 18
 _READ_BYTES: Final = 4096
@@ -33,9 +33,9 @@ _log = logging.getLogger(__name__)
 
 
 def select_files(system: str) -> float:
-    """Return the number of a file from which on `select` cannot wait for it, by `os.name`.
+    """Return the lowest file number that `select` does not support, by `os.name`.
 
-    FD_SETSIZE counts all files of a process, except on Windows: there a socket's number is a handle of any size.
+    It is FD_SETSIZE, except on Windows, where a socket's number is a handle of any size.
     """
     return 1024 if system == "posix" else inf
 
@@ -44,21 +44,21 @@ _SELECT_FILES = select_files(os.name)
 
 
 class ClientSession(Protocol):
-    """The dialogue with one client, without I/O."""
+    """The protocol session of one client, without I/O."""
 
     outbox: bytearray
-    """Bytes to send to the client; the server removes what it has sent."""
+    """Bytes to send to the client; the server removes the sent ones."""
 
     def feed(self, data: bytes) -> None:
-        """Take bytes that have come from the client."""
+        """Process received bytes."""
 
     @property
     def closed(self) -> bool:
-        """True if the client broke the protocol and must be disconnected."""
+        """True if the client has violated the protocol and must be disconnected."""
 
     @property
     def backlog_bytes(self) -> int:
-        """Number of bytes that wait to be sent to the client."""
+        """Number of unsent bytes for the client."""
 
 
 SessionT = TypeVar("SessionT", bound=ClientSession)
@@ -72,9 +72,9 @@ class Client(Generic[SessionT]):
         self.name = name
         self.session = session
         self.waiting = 0
-        """Number of things that it asked for and that wait for the board."""
+        """Number of its requests that wait for the board."""
         self.events = 0
-        """Events for which its socket is watched."""
+        """Events of its socket for which the loop waits."""
         self.gone = False
 
 
@@ -82,16 +82,16 @@ class TcpServer(ABC, Generic[SessionT]):
     """Serves the clients of a listening socket, which the server owns and closes.
 
     Args:
-        loop: the board's loop, in whose thread all methods are called.
+        loop: loop of the board; all methods are called in its thread.
         listener: the listening socket.
-        window: number of things of one client that may wait for the board; meanwhile nothing more is read from it.
+        window: highest number of one client's requests that wait for the board; then no more is read from the client.
     """
 
     def __init__(self, loop: LiveLoop, listener: socket.socket, window: int) -> None:
         self.served: int = 0
         """Number of connections so far."""
         self.disconnected: Counter[str] = Counter()
-        """Number of connections that the server ended, by reason."""
+        """Number of connections that the server has ended, by reason."""
         self._loop = loop
         self._live: LiveSimulation = loop.live
         self._listener = listener
@@ -102,15 +102,15 @@ class TcpServer(ABC, Generic[SessionT]):
 
     @abstractmethod
     def _new_session(self) -> SessionT:
-        """Return the dialogue with a new client."""
+        """Return the session of a new client."""
 
     @abstractmethod
     def _refusal(self, reason: str) -> bytes:
-        """Return what a client is told that is not served."""
+        """Return the message for a client that is not served."""
 
     @abstractmethod
     def _pass_on(self, client: Client[SessionT]) -> None:
-        """Pass what a client has asked for on to the board while its window has room."""
+        """Pass a client's requests to the board while fewer than `window` wait."""
 
     @property
     def clients(self) -> int:
@@ -133,8 +133,10 @@ class TcpServer(ABC, Generic[SessionT]):
             sock, address = self._listener.accept()
         except OSError as error:
             if error.errno in _OUT_OF_FILES:
-                self._rest()
-            return  # otherwise the client has hung up already
+                _log.warning("no file is left for another client")
+                self._loop.watch(self._listener, 0, self._accept)  # a waiting client would keep the loop awake
+                self._loop.call_after(ACCEPT_PAUSE_S, self._listen)
+            return  # the client has already disconnected
         sock.setblocking(False)
         self.served += 1
         if len(self._clients) >= CLIENTS_MAX or sock.fileno() >= _SELECT_FILES:
@@ -150,12 +152,6 @@ class TcpServer(ABC, Generic[SessionT]):
         self._clients.append(client)
         self._tend(client)
 
-    def _rest(self) -> None:
-        """Accept no client for a while: one that waits would keep the loop awake although no file is left for it."""
-        _log.warning("no file is left for another client")
-        self._loop.watch(self._listener, 0, self._accept)
-        self._loop.call_after(REST_S, self._listen)
-
     def _listen(self) -> None:
         if self._listener.fileno() >= 0:
             self._loop.watch(self._listener, EVENT_READ, self._accept)
@@ -166,16 +162,16 @@ class TcpServer(ABC, Generic[SessionT]):
         self._forget(client)
 
     def _forget(self, client: Client[SessionT]) -> None:
-        """Close a client's connection; what it has asked for is still done."""
+        """Close a client's connection; its requests are still executed."""
         client.gone = True
         self._clients.remove(client)
         self._loop.watch(client.socket, 0, lambda: None)
         client.socket.close()
 
-    # --- a client has something to say, or reads on
+    # --- a client's socket is ready
 
     def _ready(self, client: Client[SessionT]) -> None:
-        """Serve a client whose socket can be read or written."""
+        """Serve a client whose socket is readable or writable."""
         if client.waiting < self._window:
             self._read(client)
         if not client.gone:
@@ -195,7 +191,7 @@ class TcpServer(ABC, Generic[SessionT]):
             self._forget(client)
 
     def _tend(self, client: Client[SessionT]) -> None:
-        """Pass on what a client asks for, send it its answers, choose the events to wait for."""
+        """Pass a client's requests to the board, send its answers, and select the events to wait for."""
         session = client.session
         self._pass_on(client)
         if session.outbox and not self._write(client):
@@ -208,7 +204,7 @@ class TcpServer(ABC, Generic[SessionT]):
             self._watch(client)
 
     def _write(self, client: Client[SessionT]) -> bool:
-        """Send as much as the socket takes; return False if the client is gone."""
+        """Send as much as the socket accepts; return False if the client is gone."""
         outbox = client.session.outbox
         try:
             del outbox[: client.socket.send(outbox)]

@@ -1,1 +1,1 @@
-"""What stands around the board: switches, a shelf, and the state of the surroundings."""
+"""What stands around the board: switches, and names of what is wired to its inputs and outputs."""

@@ -1,4 +1,4 @@
-"""Name the output or input of a board to which a device beside the boards is wired."""
+"""Names of the outputs and inputs of a board to which external devices are wired."""
 
 from typing import NamedTuple
 
@@ -7,7 +7,7 @@ from steptwin.protocol.cia402 import DigitalInput
 
 
 class OutputWire(NamedTuple):
-    """Output to which a device is wired: number of the board, axis on it, pin."""
+    """Output to which a device is wired: number of the board, axis, pin."""
 
     board: int
     axis: int
@@ -15,7 +15,7 @@ class OutputWire(NamedTuple):
 
 
 class InputWire(NamedTuple):
-    """Input to which a sensor is wired: number of the board, axis on it, input."""
+    """Input to which a sensor is wired: number of the board, axis, input."""
 
     board: int
     axis: int

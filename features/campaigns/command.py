@@ -277,7 +277,6 @@ def _rerun(answer: AnswerOptions, asked: CampaignOptions, folder: Path, seed: in
     from steptwin.features.campaigns.running import perform, row_of
     from steptwin.features.campaigns.trial import draw, with_varied_file
     from steptwin.features.motors.run import MotorRunHook
-    from steptwin.host.record.folder.writing import draw_here
 
     if asked.out is not None and Path(asked.out).resolve() == folder.resolve():
         raise InputError(f"--out {asked.out}: is the campaign's own folder: take another one")
@@ -291,7 +290,7 @@ def _rerun(answer: AnswerOptions, asked: CampaignOptions, folder: Path, seed: in
         raise InputError(f"the run of seed {seed} was not made: {performance.message}")
     row = row_of(performance)
     again = FinishedRun.of(performance.outcome, [MotorRunHook(motors=performance.trial.motors)])
-    again.save(to, draw_here)
+    again.save(to)
     drawn = {"parameters": dict(row.parameters), "choices": dict(row.choices)}
     answer.tell(
         again.document() | {"seed": seed, **drawn, "breaches": [str(each) for each in row.breaches]},

@@ -19,7 +19,6 @@ from steptwin.features.campaigns.campaign import (
 from steptwin.features.campaigns.trial import placed, random_moves
 from steptwin.features.campaigns.values import Template, drawn, read_template
 from steptwin.features.campaigns.variations import VARIATIONS, Setup
-from steptwin.features.faults.kinds.machine import check_motors
 from steptwin.features.faults.scenario import scenario_of
 from steptwin.features.motors.limits import motor_limits
 from steptwin.features.motors.options import MotorsTurn
@@ -231,10 +230,10 @@ class _Reader:
             if table.get("fault"):
                 findings = Findings()
                 with prefixed(f"{robot_name}: "):
-                    scenario = scenario_of(Table(table | {"name": name}, "table"), robot, findings)
+                    scenario = scenario_of(table | {"name": name}, robot, findings)
                     findings.raise_first()
                     for fault in scenario.faults:
-                        check_motors(fault.harm, turning=turning)
+                        fault.fault.check_motors(turning=turning)
             elif table:
                 raise InputError(f"fault: is missing, but there is {next(iter(table))}")
 

@@ -39,7 +39,7 @@ class Ended(StrEnum):
     STOPPED = "stopped"
     """A drive failed, or the host gave up, and said so."""
     REFUSED = "refused"
-    """The run was not made: the robot, as drawn, cannot make the motion, or has not what the scenario harms."""
+    """The run was not made: the robot, as drawn, cannot make the motion, or lacks what a fault concerns."""
     CRASHED = "crashed"
     """A program of StepTwin itself failed."""
 

@@ -69,7 +69,7 @@ def perform(trial: Trial) -> Performance:
     """Make a run and look at what it did; recover the machine and turn its motors if the campaign wants that.
 
     Raises:
-        InputError: the robot, as drawn, cannot make the motion, or has not what the scenario harms.
+        InputError: the robot, as drawn, cannot make the motion, or lacks what a fault concerns.
     """
     plan = trial.plan()
     scenario = trial.scenario_in(plan)

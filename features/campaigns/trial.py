@@ -20,7 +20,6 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import known, prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
-from steptwin.host.common.tables import Table
 from steptwin.host.planning.checks import TooFastError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.motions.composer import Composer
@@ -92,14 +91,14 @@ class Trial:
         """Return the scenario in a motion as planned; None without a fault.
 
         Raises:
-            InputError: something in it is wrong, or the robot does not have what it harms.
+            InputError: something in it is wrong, or the robot lacks what a fault concerns.
         """
         if not self.table.get("fault"):
             return None
         findings = Findings()
         with prefixed(f"{self.scenario}: "):
             table = {"seed": self.scenario_seed} | placed(dict(self.table), plan) | {"name": self.scenario}
-            scenario = scenario_of(Table(table, "table"), self.setup.robot, findings)
+            scenario = scenario_of(table, self.setup.robot, findings)
             findings.raise_first()
         return scenario
 

@@ -197,12 +197,12 @@ def _keep(
 ) -> dict[str, Any]:
     """Write the folder of a run; return the document with its version."""
     from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, write_folder
-    from steptwin.host.record.folder.writing import can_draw, draw_here
+    from steptwin.host.record.folder.writing import can_draw, draw_pictures
 
     document = document | {VERSION_KEY: FOLDER_VERSION}
     write_folder(folder, document, motion, run.comparison.evidence, ())
     if pictures := can_draw():
-        draw_here(folder)
+        draw_pictures(folder)
     answer.add_files(
         "report, edges and pictures are" if pictures else "report and edges are", folder, pictures=pictures
     )

@@ -43,9 +43,9 @@ def _part(
 
 
 def _requests() -> ControlRequests:
-    from steptwin.features.faults import control
+    from steptwin.features.faults import requests
 
-    return control
+    return requests
 
 
 def _check(path: str, text: str, robot: str | None, findings: "Findings") -> "CheckedFile":
@@ -59,9 +59,9 @@ def _file_kinds() -> Sequence[FileKind]:
 
 
 def _telling() -> Telling:
-    from steptwin.features.faults import on_purpose
+    from steptwin.features.faults import report
 
-    return on_purpose
+    return report
 
 
 FEATURE: Final = Feature(
@@ -76,7 +76,7 @@ FEATURE: Final = Feature(
         CommandRow(
             "inject",
             COMMAND_GROUPS[2],
-            "Harm a served board: e-stop, supply, sensors, switches, wires, drivers, motors, payload, logic and bus.",
+            "Inject faults into a served board: its inputs, supply, switches, wires, drivers, motors, logic and bus.",
             "steptwin.features.faults.inject",
             usual=False,
         ),

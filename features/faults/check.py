@@ -26,7 +26,7 @@ def check_scenario(_path: str, text: str, robot_name: str | None, findings: Find
         {
             "name": fault.name,
             "due": str(fault.trigger),
-            "do": request_of(robot, fault.harm),
+            "do": request_of(robot, fault.fault),
             "until": None if fault.until is None else _until(fault.until),
         }
         for fault in scenario.drawn().faults

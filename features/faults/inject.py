@@ -1,32 +1,20 @@
 """`steptwin inject ROBOT WHAT [VALUE] --control ...`: operate the emulated machine of a served board."""
 
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
-from steptwin.features.faults.requests import INJECTED, end_of, request_of_words, usage
+from steptwin.features.faults.kinds.machine import BoardTemperature, EmergencyStop, Supply
+from steptwin.features.faults.kinds.wiring import protect_text, switch_text
+from steptwin.features.faults.requests import INJECTED, REQUESTS, end_of, request_of_words, usage
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import RobotOptions
 from steptwin.host.cli.live.connection import host_and_port, live_option
 from steptwin.host.cli.options import argument
 from steptwin.host.cli.output import print_table, say
-from steptwin.host.common.choices import EXAMPLE_PORT, STATE, SWITCHES
+from steptwin.host.common.choices import EXAMPLE_PORT, LEVELS, STATE, SWITCHES
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
-    from steptwin.host.client.control_client import ControlState, LatenessReport, Protect, SwitchState
-
-
-_SAID: Final[Mapping[str, "Callable[[ControlState, dict[str, Any]], str]"]] = {
-    "estop": lambda state, _: _estop(state),
-    "supply": lambda state, _: _supply(state),
-    "temperature": lambda state, _: _temperature(state),
-    "protect": lambda state, values: f"Protect of {values['joint']}: {_protect(state.protect[values['joint']])}",
-    "input": lambda state, values: f"input {values['input']}: {_on(state.inputs[values['input']])}",
-    "switch": lambda state, values: (
-        f"switch {values['switch']} of {values['joint']}: {_switch(state.switches[values['joint']][values['switch']])}"
-    ),
-}
-"""What has become of requests whose effect the state shows, in a line; of others it only says that they are done."""
+    from steptwin.host.client.control_client import ControlState, LatenessReport, SwitchState
 
 
 _WHAT: Final = "The robot, and one of:\n" + "\n".join(f"{do} {usage(do)}".rstrip() for do in INJECTED)
@@ -47,7 +35,7 @@ def inject(
         "HOST:PORT", "Control port of the board, as `steptwin serve --control-port` prints it."
     ),
 ) -> None:
-    """Harm a served board: e-stop, supply, sensors, switches, wires, drivers, motors, payload, logic and bus.
+    """Inject faults into a served board: its inputs, supply, switches, wires, drivers, motors, logic and bus.
 
     What is in brackets may be left out, and stands as KEY=VALUE or, in this order, without its key. What is pressed,
     held, stuck, broken or lost remains so when the command has ended, which says what ends it; `bus-ok` ends the faults
@@ -70,9 +58,10 @@ def inject(
         if do == STATE:
             _print_state(state)
             return
-        told = _SAID[do](state, values) if do in _SAID else f"{' '.join(rest)}: done"
+        fault = REQUESTS[do]
+        message = (fault and fault.shown(state, values)) or f"{' '.join(rest)}: done"
         end = end_of(do, values)
-        say(f"SIMULATED {state.robot}: {told}{f'; it lasts until {end}' if end else ''}")
+        say(f"SIMULATED {state.robot}: {message}{f'; it lasts until {end}' if end else ''}")
 
     which.tell(dict(state.document), in_words)
 
@@ -87,50 +76,27 @@ def _rates(state: "ControlState") -> str:
     return f", the host at {state.host_bitrate // 1000} kbit/s instead of {state.bitrate // 1000}"
 
 
+_LEVELS: Final = {on: word for word, on in LEVELS.items()}
+
+
 def _print_state(state: "ControlState") -> None:
     say(
         f"SIMULATED {state.robot}: {state.simulated_s:.1f} s, bus load {state.bus_load_percent:.1f} %{_rates(state)}",
-        *(text(state) for text in (_estop, _supply, _temperature)),
+        *(fault.shown(state, {}) for fault in (EmergencyStop, Supply, BoardTemperature)),
     )
     if state.inputs:
-        say(f"inputs: {', '.join(f'{name} {_on(on)}' for name, on in state.inputs.items())}")
+        say(f"inputs: {', '.join(f'{name} {_LEVELS[on]}' for name, on in state.inputs.items())}")
     for what, late in (("ticks", state.ticks), ("frames", state.frames)):
         say(f"{what} late, ms (p50 p99 max): {_in_ms(late)}")
     rows = [
-        [joint, _protect(pin), *(_fitted(state.switches[joint].get(name)) for name in SWITCHES)]
+        [joint, protect_text(pin), *(_fitted(state.switches[joint].get(name)) for name in SWITCHES)]
         for joint, pin in state.protect.items()
     ]
     print_table(["joint", "Protect", *SWITCHES], rows, text_columns=2 + len(SWITCHES))
 
 
-def _estop(state: "ControlState") -> str:
-    return f"emergency stop: {'pressed' if state.estop else 'released'}"
-
-
-def _supply(state: "ControlState") -> str:
-    return f"supply: {state.supply_v:.2f} V"
-
-
-def _temperature(state: "ControlState") -> str:
-    return f"board: {state.temperature_degc:.1f} degC"
-
-
-def _protect(pin: "Protect") -> str:
-    if pin.held:
-        return "held low"
-    return "low: the driver has switched itself off" if pin.low else "free"
-
-
 def _fitted(switch: "SwitchState | None") -> str:
-    return _switch(switch) if switch else "none"
-
-
-def _switch(switch: "SwitchState") -> str:
-    return f"{'stuck ' if switch.stuck else ''}{'closed' if switch.closed else 'open'}"
-
-
-def _on(level: bool) -> str:
-    return "on" if level else "off"
+    return switch_text(switch) if switch else "none"
 
 
 def _in_ms(late: "LatenessReport") -> str:

@@ -6,7 +6,8 @@ from typing import Final
 import numpy as np
 
 from steptwin.emulator.simulation import Simulation
-from steptwin.features.faults.engine import Engine, HostCondition, HostLostError
+from steptwin.features.faults.engine import Engine
+from steptwin.features.faults.kinds.host import HostCondition
 from steptwin.host.client import Machine
 from steptwin.host.client.drive_status import FAULT_STATES
 from steptwin.host.client.lease import TIMEOUT_MS
@@ -28,6 +29,10 @@ _HANGING_S: Final = 0.01
 """Time after which it is seen whether the program goes on."""
 _RECORDS: Final = range(COB_RPDO[3] + FIRST_NODE_ID, COB_RPDO[3] + NODE_ID_MAX + 1)
 """Identifiers of the points of all nodes."""
+
+
+class HostLostError(BusError):
+    """The host's program ends here, as a scenario wants it: it does nothing any more."""
 
 
 class FaultyNetwork(EmbeddedNetwork):

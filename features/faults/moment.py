@@ -36,11 +36,6 @@ class AxisMoment:
     boot: object = field(default=None, repr=False)
     fault_input: DigitalInput | None = None
 
-    @property
-    def moving(self) -> bool:
-        """True while the axis is to move."""
-        return self.velocity != 0
-
 
 @dataclass(frozen=True, slots=True)
 class Moment:
@@ -56,38 +51,28 @@ class Moment:
         return tuple(axis.board for axis in self.axes)
 
     @property
-    def moving(self) -> bool:
-        """True while any axis is to move."""
-        return any(axis.moving for axis in self.axes)
-
-    @property
     def several_boards(self) -> bool:
         """True if the axes are on more than one board."""
         return len(set(self.boards)) > 1
 
 
 def _axis_moment(board: Board, axis: int, number: int, *, counted: bool) -> AxisMoment:
-    node, motion = board.firmware.nodes[axis], board.firmware.motion
+    node, motion, driver = board.firmware.nodes[axis], board.firmware.motion.axes[axis], board.drivers.drivers[axis]
+    lag_full_steps = None
+    if counted:  # the driver processes its pulses before it is asked for those that its module still holds back
+        position_full_steps = board.position_full_steps(axis) + driver.held_steps / driver.microsteps
+        lag_full_steps = motion.counter_steps / motion.config.microsteps - position_full_steps
     return AxisMoment(
         state=node.drive.state,
         energised=node.drive.energised,
-        velocity=motion.axes[axis].velocity,
+        velocity=motion.velocity,
         deceleration=node.dictionary.get(od.QUICK_STOP_DECELERATION),
         position_known=bool(node.statusword() & Status.POSITION_KNOWN),
-        lag_full_steps=_lag_full_steps(board, axis) if counted else None,
+        lag_full_steps=lag_full_steps,
         board=number,
         boot=board.running,
-        fault_input=board.drivers.drivers[axis].fault_input,
+        fault_input=driver.fault_input,
     )
-
-
-def _lag_full_steps(board: Board, axis: int) -> float:
-    """Return what the firmware has counted less what the driver has; pulses that a module still holds back count."""
-    motion = board.firmware.motion
-    position = board.position_full_steps(axis)  # the driver processes its pulses before it is asked for the held ones
-    driver = board.drivers.drivers[axis]
-    position += driver.held_steps / driver.microsteps
-    return motion.axes[axis].counter_steps / motion.axes[axis].config.microsteps - position
 
 
 def moment_of(machine: RobotBoards, uncounted: Collection[int] = ()) -> Moment:

@@ -10,7 +10,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.twin.machine.machine_options import SPELLING, Spelling
 
 if TYPE_CHECKING:
-    from steptwin.features.faults.kinds.harm import Harm
+    from steptwin.features.faults.fault import Fault
     from steptwin.features.faults.scenario import Scenario
     from steptwin.host.robots.robot import Robot
 
@@ -26,10 +26,10 @@ _FAULTS: Final = Spelling(
 class FaultOptions:
     """The scenario of an emulated machine; its times count from the first motion that a SYNC starts, or from power-up.
 
-    A path stands for the scenario in that file, and harms for one that begins with them at power-up.
+    A path stands for the scenario in that file, and faults for one in which they begin at power-up.
     """
 
-    scenario: "Scenario | Sequence[Harm] | Path | str | None" = field(default=None, metadata={SPELLING: _FAULTS})
+    scenario: "Scenario | Sequence[Fault] | Path | str | None" = field(default=None, metadata={SPELLING: _FAULTS})
 
     def over(self, other: "FaultOptions") -> "FaultOptions":
         """Return other options, with those of these that are no defaults in place of theirs."""
@@ -47,7 +47,7 @@ class FaultOptions:
         Raises:
             InputError: something is wrong in the file, or there is no scenario in what is given.
         """
-        from steptwin.features.faults.kinds.harm import Harm
+        from steptwin.features.faults.fault import Fault
         from steptwin.features.faults.scenario import Scenario, read_scenario
 
         given: object = self.scenario
@@ -55,6 +55,6 @@ class FaultOptions:
             return given
         if isinstance(given, Path | str):
             return read_scenario(given, robot)
-        if not isinstance(given, Iterable) or not all(isinstance(each, Harm) for each in given):
-            raise InputError(f"scenario: {short(given)} is not Scenario or Sequence[Harm] or Path or str or None")
+        if not isinstance(given, Iterable) or not all(isinstance(each, Fault) for each in given):
+            raise InputError(f"scenario: {short(given)} is not Scenario or Sequence[Fault] or Path or str or None")
         return Scenario.from_power_up(given)

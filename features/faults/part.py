@@ -4,12 +4,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from steptwin.features.faults import NAME
-from steptwin.features.faults.engine import Engine, HostCondition
-from steptwin.features.faults.kinds.drivers import OscCapacitor
-from steptwin.features.faults.kinds.host import NO_HOST
+from steptwin.features.faults.engine import Engine
+from steptwin.features.faults.judge import played_document, scenario_report
+from steptwin.features.faults.kinds.host import NO_HOST, HostCondition
 from steptwin.features.faults.lost_host import FaultyNetwork, replace_host, without_host
 from steptwin.features.faults.report import ScenarioReport
-from steptwin.features.faults.reporting import played_document, scenario_report
 from steptwin.features.faults.scenario import Scenario
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.common.features import MachinePart
@@ -41,30 +40,26 @@ class FaultsPart(MachinePart):
         """Begin with what is due at power-up.
 
         Raises:
-            InputError: the machine has not what the scenario harms, or runs other firmware.
+            InputError: the machine lacks what a fault concerns, or runs other firmware.
         """
         if not all(board.runs_own for board in machine.simulation.boards):
             raise InputError("firmware: a scenario is judged by the reactions of StepTwin's firmware")
         self._engine = Engine(self.scenario, machine, self.host)
 
     def check_live(self) -> None:
-        """Raise InputError if a fault concerns the host."""
-        if self.scenario.harms_host:
+        if self.scenario.of_host:
             raise InputError(f"{self.scenario.name}: {NO_HOST}")
 
     def network(self) -> FaultyNetwork | None:
-        """Return the network of a host that faults concern."""
-        if not self.scenario.harms_host:
+        if not self.scenario.of_host:
             return None
         target = self.engine.target
         return FaultyNetwork(target.simulation, self.host, lambda: target.interpolating)
 
     def outlive(self, board: EmbeddedBoard, error: BusError) -> RunFault:
-        """Let the machine go on without its host."""
         return without_host(error, board, self.engine, self.host)
 
     def document(self) -> Mapping[str, Any]:
-        """Return what has become of each fault so far."""
         return played_document(self.engine)
 
     def in_words(self) -> str:
@@ -72,12 +67,11 @@ class FaultsPart(MachinePart):
         lines = []
         for fault in self.document()[NAME]:
             struck = "never struck" if fault["struck_s"] is None else f"struck at {fault['struck_s']:.6f} s"
-            codes = " ".join(dict.fromkeys(told["code"] for told in fault["emcys"])) or "no EMCY"
+            codes = " ".join(dict.fromkeys(each["code"] for each in fault["emcys"])) or "no EMCY"
             lines.append(f"{fault['name']}: {fault['due']}: {struck}, {fault['strikes']} times, {codes}")
         return "\n".join(lines)
 
     def verdict(self, end: RunEnd) -> ScenarioReport:
-        """Return whether each fault was answered as documented."""
         return scenario_report(self.engine, end)
 
 
@@ -90,10 +84,6 @@ def part_of(board: EmbeddedBoard) -> FaultsPart | None:
 def repair(board: EmbeddedBoard) -> None:
     """End every fault of the scenario that lasts, and let none begin any more; a host that has died is replaced."""
     part = part_of(board)
-    if part is None:
-        return
-    part.engine.repair()
-    if (oscillator := board.driver_profile.chip.oscillator) is not None:
-        for axis in range(len(board.robot.axes)):
-            board.operate(OscCapacitor(axis, oscillator.osc_pf))
-    replace_host(board, part.host)
+    if part is not None:
+        part.engine.repair()
+        replace_host(board, part.host)

@@ -4,15 +4,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from math import inf
-from types import UnionType
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from steptwin.features.faults.kinds.harm import Harm
-from steptwin.features.faults.moment import Moment
 from steptwin.host.client.lease import TIMEOUT_MS
 from steptwin.host.client.waiting import REPLY_TIMEOUT_S, SILENCE_S
 from steptwin.protocol.cia402 import ErrorCode, State
 from steptwin.protocol.pvt import QUEUE_DEPTH
+
+if TYPE_CHECKING:
+    from steptwin.features.faults.moment import Moment
 
 TICK_MS: Final = 0.25
 """The firmware sees its inputs, and begins a ramp, with the next servo tick."""
@@ -76,6 +76,11 @@ class Reaction:
         return self.motion is not Motion.GOES_ON
 
     @property
+    def may_stop(self) -> bool:
+        """True if the motion may end because of the fault."""
+        return self.stops or not self.certain
+
+    @property
     def position_known(self) -> bool:
         """Whether axes that moved know their positions afterwards."""
         return self.motion is not Motion.CUT
@@ -99,22 +104,16 @@ def stops(
 
 @dataclass(frozen=True, slots=True)
 class Documented:
-    """A row of the table.
+    """A row of the table of documented reactions.
 
     Attributes:
         what: the fault, in words.
-        harms: the harms that it may concern.
         reaction: the reaction.
         why: a remark for the page; may be empty.
-        when: returns whether it concerns a harm of these while the machine does this; by default always.
+        when: returns whether it is right for a fault that begins while the machine does this; by default it always is.
     """
 
     what: str
-    harms: type[Harm] | UnionType
     reaction: Reaction
     why: str = ""
-    when: Callable[[Any, Moment], bool] = lambda _harm, _moment: True
-
-    def applies(self, harm: Harm, moment: Moment) -> bool:
-        """Return whether it concerns a harm while the machine does this."""
-        return isinstance(harm, self.harms) and self.when(harm, moment)
+    when: "Callable[[Any, Moment], bool]" = lambda _fault, _moment: True

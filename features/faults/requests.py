@@ -1,25 +1,29 @@
-"""Read requests as harms to a robot's machine, and write harms as requests: the same words for all who ask.
+"""Read requests as faults of a robot's machine, and write faults as requests: the same words for all who ask.
 
 The control port, `steptwin inject` and the faults of a scenario use them, help and docs show them. What a request may
-have is in the fields of the harms, in `features/faults/kinds/`; here is how each kind of value is read and written.
+have is in the fields of the faults, in `features/faults/kinds/`; here is how each kind of value is read and written.
 A fault of the bus names the frames that it concerns: those of a service, of one joint's node or of all.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, asdict, dataclass, fields
-from functools import partial
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import MISSING, asdict, dataclass, fields, make_dataclass, replace
+from functools import cache
+from math import inf, isfinite
 from reprlib import repr as short
-from typing import TYPE_CHECKING, Any, Final, cast
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
-from steptwin.features.faults.kinds import HARMS
-from steptwin.features.faults.kinds.harm import Harm, Key, KeyKind
+from pydantic_core import CoreSchema, core_schema
+
+from steptwin.features.faults.fault import Fault, Key, KeyKind
+from steptwin.features.faults.kinds import FAULTS
 from steptwin.features.faults.kinds.host import HostFault
-from steptwin.features.faults.kinds.machine import SetInput
 from steptwin.host.common import numbers
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.choices import LEVELS, STATE, SWITCHES
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.tables import Reading, Table
+from steptwin.host.common.file_models import FileTable, Within, read_model
+from steptwin.host.common.findings import Findings
+from steptwin.host.common.numbers import LARGEST
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.frame import (
     COB_EMCY,
@@ -38,7 +42,9 @@ from steptwin.protocol.frame import (
 )
 
 if TYPE_CHECKING:
+    from steptwin.emulator.operations import Operation
     from steptwin.host.robots.robot import Robot
+    from steptwin.host.twin.live.live_board import LiveBoard
 
 
 _NODES: Final[Mapping[str, tuple[int, ...]]] = {
@@ -66,11 +72,6 @@ FRAMES: Final = (*_NODES, *_HOST_FRAMES)
 """The names."""
 
 
-def per_node(name: str) -> bool:
-    """Return whether frames of this name belong to a joint's node."""
-    return name in _NODES
-
-
 def cob_ids(robot: "Robot", name: str, axis: int | None = None) -> tuple[int, ...]:
     """Return the identifiers of a name, of one axis' node or of all nodes, in rising order."""
     axes = range(len(robot.axes)) if axis is None else range(axis, axis + 1)
@@ -88,56 +89,60 @@ def name_of(robot: "Robot", ids: tuple[int, ...]) -> tuple[str, int | None] | No
     return None
 
 
-def read_identifier(table: Table, key: str) -> int:
-    """Read an identifier of 11 bits; a reading of `Table`."""
-    return checked_identifier(key, table.integer(key))
-
-
-def checked_identifier(key: str, value: object) -> int:
-    """Return an identifier of 11 bits; raise InputError, with the key in front, for anything else."""
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= COB_ID_MASK:
-        raise InputError(f"{key}: {value!r} is not an identifier from 0 to 0x{COB_ID_MASK:X}")
-    return value
-
-
 DATA_BYTES_MAX: Final = 8
 """Longest data of a frame."""
-REQUESTS: Final[Mapping[str, type[Harm] | None]] = {**{harm.do: harm for harm in HARMS}, STATE: None}
+REQUESTS: Final[Mapping[str, type[Fault] | None]] = {**FAULTS, STATE: None}
 """What each request does, in the order of help and docs."""
 INJECTED: Final = tuple(do for do in REQUESTS if do != HostFault.do)
 """What may be asked of a served board, whose hosts are programs of their own."""
 
 
-def does(do: str) -> str:
+def sentence(do: str) -> str:
     """Return what a request does, in words; Markdown."""
-    harm = REQUESTS[do]
-    return "nothing: it asks how the machine is" if harm is None else harm.does
+    fault = REQUESTS[do]
+    return "nothing: it asks how the machine is" if fault is None else fault.sentence()
 
 
 def keys_of(do: str) -> dict[str, Key]:
     """Return the keys that a request has beside `do`, in the order of a command's words."""
-    harm = REQUESTS[do]
-    return {} if harm is None else harm.keys()
+    fault = REQUESTS[do]
+    return {} if fault is None else fault.keys()
 
 
 # --- the kinds of values
 
 
-@dataclass(frozen=True, slots=True)
-class ValueKind:
-    """How a kind of value is read.
+@dataclass(frozen=True, slots=True, eq=False)
+class ReadAs:
+    """Annotates a value of a model that a function reads.
 
     Attributes:
-        metavar: stands for it in help.
-        says: what it is in JSON, in words.
-        of_word: returns the value that a word means, None if it means that the key is missing; raises InputError.
-        read: reads it from a table by its key.
+        read: returns what the value means; raises InputError without the key.
+        schema: its JSON schema.
     """
 
-    metavar: str
-    says: str
-    of_word: Callable[[str], object]
-    read: Callable[[Table, Key], Any]
+    read: Callable[[object], object]
+    schema: Mapping[str, Any]
+
+    def __get_pydantic_core_schema__(self, _source: object, _handler: object) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, _schema: CoreSchema, _handler: object) -> dict[str, Any]:
+        return dict(self.schema)
+
+
+def by_name(members: Mapping[str, Any]) -> ReadAs:
+    """Return the annotation of a value that is read by its name."""
+    return ReadAs(lambda value: members[known_name(value, members)], {"enum": [*members]})
+
+
+def known_name(value: object, names: Iterable[str]) -> str:
+    """Return a name that is among some; raise InputError, with the nearest, for another value."""
+    if not isinstance(value, str):
+        raise InputError(f"{short(value)} is not a text")
+    if value not in names:
+        raise InputError(str(unknown("", value, names)).lstrip())
+    return value
 
 
 def _level(word: str) -> bool:
@@ -153,75 +158,168 @@ def _whole(word: str, base: int = 10) -> int:
         raise InputError(f"{short(word)} is not a whole number") from None
 
 
-def _identifiers(word: str) -> str | list[int]:
-    """Return a name, or the identifiers of a list such as 0x510,0x77F."""
-    return [_whole(each, 0) for each in word.split(",")] if word[:1].isdigit() else word
+def read_identifier(value: object) -> int:
+    """Return an identifier of 11 bits; raise InputError for anything else."""
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= COB_ID_MASK:
+        raise InputError(f"{short(value)} is not an identifier from 0 to 0x{COB_ID_MASK:X}")
+    return value
 
 
-def _read_frames(table: Table, key: Key) -> str | tuple[int, ...]:
+IDENTIFIER: Final = Annotated[int, ReadAs(read_identifier, {"type": "integer", "minimum": 0, "maximum": COB_ID_MASK})]
+
+
+def _read_frames(value: object) -> str | tuple[int, ...]:
     """Read the name of frames, or a list of identifiers."""
-    if not isinstance(table.values.get(key.name), list):
-        name = table.text(key.name)
-        if name not in FRAMES:
-            raise unknown(key.name, name, FRAMES)
-        return name
-    return tuple(sorted({checked_identifier(key.name, each) for each in table.elements(key.name)}))
+    if isinstance(value, list):
+        return tuple(sorted(set(map(read_identifier, value))))
+    return known_name(value, FRAMES)
 
 
-def _read_bytes(table: Table, key: Key) -> bytes:
+def _read_bytes(value: object) -> bytes:
     """Read the data of a frame in hexadecimal digits."""
-    text = table.text(key.name)
+    if not isinstance(value, str):
+        raise InputError(f"{short(value)} is not a text")
     try:
-        data = bytes.fromhex(text)
+        data = bytes.fromhex(value)
     except ValueError:
-        raise InputError(f"{key.name}: {text!r} is not bytes in hexadecimal digits, such as '0f 00'") from None
+        raise InputError(f"{value!r} is not bytes in hexadecimal digits, such as '0f 00'") from None
     if len(data) > DATA_BYTES_MAX:
-        raise InputError(f"{key.name}: {len(data)} bytes are more than {DATA_BYTES_MAX}")
+        raise InputError(f"{len(data)} bytes are more than {DATA_BYTES_MAX}")
     return data
 
 
-def _read_whole(table: Table, key: Key) -> int:
-    return table.integer(key.name, key.most, key.least)
+def whole_number(least: float = -inf, most: float = inf) -> ReadAs:
+    """Return the annotation of a whole number from a least one on, of at most some size; seeds may be long."""
+
+    def read(value: object) -> int:
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise InputError(f"{short(value)} is not a whole number")
+        if value < least:
+            raise InputError(f"{short(value)} is below {least:g}")
+        if abs(value) > most:
+            raise InputError(f"{short(value)} is not a whole number up to {most}")
+        return value
+
+    limits = {"minimum": least, "maximum": most}
+    return ReadAs(read, {"type": "integer"} | {name: limit for name, limit in limits.items() if isfinite(limit)})
 
 
-def _read_text(table: Table, key: Key) -> str:
-    return table.text(key.name)
+def _wired_input(robot: "Robot", name: str, _values: Mapping[str, Any]) -> Any:
+    from steptwin.host.operate.inputs_outputs import wired_input  # takes long to import, and help needs it not
+
+    return wired_input(robot, name)
 
 
+def _input_name(robot: "Robot", bit: DigitalInput, fault: Any) -> str | None:
+    from steptwin.host.operate.inputs_outputs import wired_inputs
+
+    return next((name for name, place in wired_inputs(robot).items() if place == (fault.axis, bit)), None)
+
+
+def _fitted_switch(robot: "Robot", name: str, values: Mapping[str, Any]) -> DigitalInput:
+    from steptwin.host.operate.inputs_outputs import switches_of
+
+    joint = values["joint"]
+    fitted = switches_of(robot, robot.axis_index(joint))
+    if name not in fitted:
+        raise unknown(f"switch of {joint}", name, fitted)
+    return fitted[name]
+
+
+def _ids_of(robot: "Robot", frames: str | tuple[int, ...], values: Mapping[str, Any]) -> tuple[int, ...]:
+    joint = values["joint"]
+    if joint is None:
+        return cob_ids(robot, frames) if isinstance(frames, str) else frames
+    axis = robot.axis_index(joint)
+    if not isinstance(frames, str) or frames not in _NODES:
+        raise InputError(f"joint: {joint} has no frames of its own among {frames}")
+    return cob_ids(robot, frames, axis)
+
+
+@dataclass(frozen=True, slots=True)
+class ValueKind:
+    """How a kind of value is read and written.
+
+    Attributes:
+        metavar: stands for it in help.
+        description: what it is in JSON.
+        of_word: returns the value that a word means, None if it means that the key is missing; raises InputError.
+        hint: returns its type in a model of the request.
+        meant: returns what it means for a robot, from it and the request's other values; None: what it is.
+        written: returns what requests have for a field's value, from it and the fault; None: the value.
+    """
+
+    metavar: str
+    description: str
+    of_word: Callable[[str], object]
+    hint: Callable[[Key], Any] = lambda _: str
+    meant: "Callable[[Robot, Any, Mapping[str, Any]], Any] | None" = None
+    written: "Callable[[Robot, Any, Fault], Any] | None" = None
+
+
+_FRAMES_SCHEMA: Final = {"anyOf": [{"enum": [*FRAMES]}, {"type": "array", "items": {"type": "integer"}}]}
 _HOST: Final = "host"
-_SAYS_JOINT: Final = "name of a joint"
+_JOINT: Final = ValueKind(
+    "JOINT",
+    "name of a joint",
+    str,
+    meant=lambda robot, name, _: robot.axis_index(name),
+    written=lambda robot, axis, _: robot.axis_names[axis],
+)
 _KINDS: Final[Mapping[KeyKind, ValueKind]] = {
-    KeyKind.TRUTH: ValueKind("on|off", "true or false", _level, lambda table, key: table.truth(key.name)),
+    KeyKind.TRUTH: ValueKind("on|off", "true or false", _level, lambda _: bool),
     KeyKind.WHOLE: ValueKind(
-        "N", "whole number", _whole, lambda table, key: table.integer(key.name, key.most, key.least)
+        "N", "whole number", _whole, lambda key: Annotated[int, whole_number(key.least, key.most)]
     ),
     KeyKind.NUMBER: ValueKind(
         "NUMBER",
         "number",
         numbers.finite_number,
-        lambda table, key: table.number(key.name, key.least, key.most, key.unit),
+        lambda key: Annotated[float, Within(key.least, min(key.most, LARGEST), key.unit)],
     ),
-    KeyKind.WORD: ValueKind("WORD", "word", str, _read_text),
-    KeyKind.JOINT: ValueKind("JOINT", _SAYS_JOINT, str, _read_text),
-    KeyKind.STATION: ValueKind(f"JOINT|{_HOST}", _SAYS_JOINT, lambda word: None if word == _HOST else word, _read_text),
-    KeyKind.INPUT: ValueKind("NAME", "name of an input", str, _read_text),
-    KeyKind.SWITCH: ValueKind("|".join(SWITCHES), " or ".join(f"`{name}`" for name in SWITCHES), str, _read_text),
-    KeyKind.FRAMES: ValueKind("FRAMES", "name of frames, or list of identifiers", _identifiers, _read_frames),
-    KeyKind.IDENTIFIER: ValueKind(
-        "ID", "identifier", lambda word: _whole(word, 0), lambda table, key: read_identifier(table, key.name)
+    KeyKind.WORD: ValueKind("WORD", "word", str),
+    KeyKind.JOINT: _JOINT,
+    KeyKind.STATION: replace(_JOINT, metavar=f"JOINT|{_HOST}", of_word=lambda word: None if word == _HOST else word),
+    KeyKind.INPUT: ValueKind("NAME", "name of an input", str, meant=_wired_input, written=_input_name),
+    KeyKind.SWITCH: ValueKind(
+        "|".join(SWITCHES),
+        " or ".join(f"`{name}`" for name in SWITCHES),
+        str,
+        meant=_fitted_switch,
+        written=lambda _robot, switch, _fault: next(name for name, bit in SWITCHES.items() if bit == switch),
     ),
-    KeyKind.BYTES: ValueKind("HEX", f"up to {DATA_BYTES_MAX} bytes in hexadecimal digits", str, _read_bytes),
+    KeyKind.FRAMES: ValueKind(
+        "FRAMES",
+        "name of frames, or list of identifiers",
+        lambda word: [_whole(each, 0) for each in word.split(",")] if word[:1].isdigit() else word,
+        lambda _: Annotated[Any, ReadAs(_read_frames, _FRAMES_SCHEMA)],
+        _ids_of,
+    ),
+    KeyKind.IDENTIFIER: ValueKind("ID", "identifier", lambda word: _whole(word, 0), lambda _: IDENTIFIER),
+    KeyKind.BYTES: ValueKind(
+        "HEX",
+        f"up to {DATA_BYTES_MAX} bytes in hexadecimal digits",
+        str,
+        lambda _: Annotated[bytes, ReadAs(_read_bytes, {"type": "string"})],
+        written=lambda _robot, data, _fault: data.hex(" "),
+    ),
 }
+
+
+def kind_of(key: Key) -> ValueKind:
+    """Return how the value of a key is read and written."""
+    assert key.kind is not None
+    return _KINDS[key.kind]
 
 
 def metavar(key: Key) -> str:
     """Return what stands for a key's value in help."""
-    return key.metavar or "|".join(map(str, key.choices)) or _KINDS[key.kind].metavar
+    return key.metavar or "|".join(map(str, key.choices)) or kind_of(key).metavar
 
 
-def says(key: Key) -> str:
-    """Return what a key's value is in JSON, in words."""
-    return " or ".join(f"`{each}`" for each in key.choices) or _KINDS[key.kind].says
+def description(key: Key) -> str:
+    """Return what a key's value is in JSON."""
+    return " or ".join(f"`{each}`" for each in key.choices) or kind_of(key).description
 
 
 def usage(do: str) -> str:
@@ -230,94 +328,76 @@ def usage(do: str) -> str:
     return " ".join(f"[{key.name}={metavar(key)}]" if key.optional else metavar(key) for key in keys)
 
 
-def _read_value(key: Key, table: Table, _name: str) -> Any:
-    """Read the value of a key, of its kind and within its limits."""
-    value = _KINDS[key.kind].read(table, key)
-    if key.choices and value not in key.choices:
-        raise InputError(f"{key.name}: {value!r} is not one of {', '.join(map(str, key.choices))}")
-    return value
-
-
-# --- the parts of a robot
-
-
-def _switch_of(robot: "Robot", joint: str, name: str) -> DigitalInput:
-    from steptwin.host.operate.inputs_outputs import switches_of  # takes long to import, and help needs it not
-
-    fitted = switches_of(robot, robot.axis_index(joint))
-    if name not in fitted:
-        raise unknown(f"switch of {joint}", name, fitted)
-    return fitted[name]
-
-
-def _ids_of(robot: "Robot", joint: str | None, frames: str | tuple[int, ...]) -> tuple[int, ...]:
-    if joint is None:
-        return cob_ids(robot, frames) if isinstance(frames, str) else frames
-    axis = robot.axis_index(joint)
-    if not isinstance(frames, str) or not per_node(frames):
-        raise InputError(f"joint: {joint} has no frames of its own among {frames}")
-    return cob_ids(robot, frames, axis)
-
-
-def _meant(robot: "Robot", key: Key, values: Mapping[str, Any]) -> Any:
-    """Return what the value of a key means for a robot, as the harm's field has it."""
-    value = values[key.name]
-    if value is None:
-        return None
-    match key.kind:
-        case KeyKind.JOINT | KeyKind.STATION:
-            return robot.axis_index(value)
-        case KeyKind.INPUT:
-            from steptwin.host.operate.inputs_outputs import wired_input
-
-            return wired_input(robot, value)
-        case KeyKind.SWITCH:
-            return _switch_of(robot, values["joint"], value)
-        case KeyKind.FRAMES:
-            return _ids_of(robot, values["joint"], value)
-    return key.choices[value] if key.choices else key.to_field(value)
-
-
 # --- reading
 
 
-def read_request(robot: "Robot", request: Mapping[str, Any]) -> Harm | None:
-    """Return the harm that a request asks for; None if it only asks how the machine is.
+@cache
+def model_of(do: str, base: type[FileTable] = FileTable) -> type[Any]:
+    """Return the model of the tables that ask for `do`, with the keys of a base beside those of the fault."""
+    keys: list[Any] = [("do", Literal[do])]
+    for key in keys_of(do).values():
+        hint = Literal[tuple(key.choices)] if key.choices else kind_of(key).hint(key)
+        keys.append((key.name, hint | None, None) if key.optional else (key.name, hint))
+    named = {"__doc__": f"{do}: {sentence(do)}."}
+    return make_dataclass(f"{do} table", keys, bases=(base,), namespace=named, frozen=True, kw_only=True)
+
+
+def read_request(robot: "Robot", request: Mapping[str, Any]) -> Fault | None:
+    """Return the fault that a request asks for; None if it only asks for the state of the machine.
 
     Raises:
         InputError: the request does not exist, has other keys or a value out of its range, or names something that the
             robot does not have.
     """
-    harm, _ = read_harm(robot, Table(request, "JSON object"), {})
-    return harm
+    findings = Findings()
+    table = read_fault_table(request, findings)
+    findings.raise_first()
+    return fault_of(robot, table)
 
 
-def read_harm(robot: "Robot", table: Table, beside: Mapping[str, Reading]) -> tuple[Harm | None, dict[str, Any]]:
-    """Return the harm that a table asks for, and the values of keys that it may have beside those of the harm.
+def read_fault_table(values: object, findings: Findings, base: type[FileTable] = FileTable) -> Any:
+    """Return the table of a fault by its model, or a part of it; what is wrong goes to the findings.
 
-    Raises as `read_request`.
+    Raises:
+        InputError: it is no table, or its `do` is missing or unknown.
     """
-    if "do" not in table:
+    if not isinstance(values, dict):
+        raise InputError(f"{short(values)} is not a table")
+    if "do" not in values:
         raise InputError(f"do: is missing: one of {', '.join(REQUESTS)}")
-    do = table.text("do")
-    if do not in REQUESTS:
-        raise unknown("do", do, REQUESTS)
-    keys, harm = keys_of(do), REQUESTS[do]
-    required = {name: partial(_read_value, key) for name, key in keys.items() if not key.optional}
-    optional = {name: partial(_read_value, key) for name, key in keys.items() if key.optional}
-    values = table.read({"do": Table.text, **required}, {**optional, **beside})
-    made = None if harm is None else _made(robot, harm, {name: values[name] for name in keys})
-    return made, {key: values[key] for key in beside}
+    with prefixed("do: "):
+        do = known_name(values["do"], REQUESTS)
+    return read_model(model_of(do, base), values, findings)
 
 
-def _made(robot: "Robot", harm: type[Harm], values: Mapping[str, Any]) -> Harm:
-    """Return a harm with these values of its keys, None for one that is missing."""
-    meant = {name: _meant(robot, key, values) for name, key in harm.keys().items()}
-    given = {
-        name: each for name, each in harm.by_field().items() if any(values[key.name] is not None for key in each.keys)
-    }
+def fault_of(robot: "Robot", table: Any) -> Fault | None:
+    """Return the fault that a table of its model asks for on a robot; None for the state.
+
+    Raises:
+        InputError: the robot does not have what it names, or its values do not go together.
+        UnreadError: a value of the table could not be read.
+    """
+    fault = REQUESTS[table.do]
+    if fault is None:
+        return None
+    values = {name: getattr(table, name) for name in keys_of(table.do)}
+
+    def meant(key: Key) -> Any:
+        value = values[key.name]
+        if value is None:
+            return None
+        if (find := kind_of(key).meant) is not None:
+            return find(robot, value, values)
+        return key.choices[value] if key.choices else key.to_field(value)
+
     try:
-        return harm(**{name: each.join(*(meant[key.name] for key in each.keys)) for name, each in given.items()})
+        return fault(
+            **{
+                name: keys.join(*map(meant, keys.keys))
+                for name, keys in fault.by_field().items()
+                if any(values[key.name] is not None for key in keys.keys)
+            }
+        )
     except ValueError as error:
         raise InputError(str(error)) from error
 
@@ -325,46 +405,33 @@ def _made(robot: "Robot", harm: type[Harm], values: Mapping[str, Any]) -> Harm:
 # --- writing
 
 
-def request_of(robot: "Robot", harm: Harm) -> dict[str, Any]:
-    """Return the request that asks for a harm; `read_request` returns the harm for it."""
-    usual = {each.name: each.default for each in fields(harm) if each.default is not MISSING}
+def request_of(robot: "Robot", fault: Fault) -> dict[str, Any]:
+    """Return the request that asks for a fault; `read_request` returns the fault for it."""
+    usual = {each.name: each.default for each in fields(fault) if each.default is not MISSING}
     values: dict[str, Any] = {}
-    for name, each in harm.by_field().items():
-        value = getattr(harm, name)
-        for key, part in zip(each.keys, each.split(value), strict=True):
-            if not key.optional or key.told or value != usual.get(name):
-                values |= _told(robot, harm, key, part)
-    if KeyKind.INPUT in {key.kind for key in harm.keys().values()} and values["input"] is None:
-        return {"do": type(harm).__name__, **asdict(cast("Any", harm))}  # the robot's file does not know the sensor
-    order = ["do", *harm.keys()]
-    told = {"do": harm.do} | {key: value for key, value in values.items() if value is not None}
-    return {key: told[key] for key in order if key in told}
+    for name, keys in fault.by_field().items():
+        value = getattr(fault, name)
+        for key, part in zip(keys.keys, keys.split(value), strict=True):
+            if not key.optional or key.written or value != usual.get(name):
+                values |= _written_values(robot, fault, key, part)
+    keys_of_all = fault.keys()
+    if any(key.kind is KeyKind.INPUT and values[name] is None for name, key in keys_of_all.items()):
+        return {"do": type(fault).__name__, **asdict(fault)}  # the robot's file does not know the sensor
+    return {"do": fault.do} | {key: values[key] for key in keys_of_all if values.get(key) is not None}
 
 
-def _told(robot: "Robot", harm: Harm, key: Key, value: Any) -> dict[str, Any]:
-    """Return the values of a key, and of those that go with it, as a request has them; None for one left out."""
-    told = value
-    match key.kind:
-        case KeyKind.JOINT | KeyKind.STATION:
-            if value is None:
-                return {}
-            told = robot.axis_names[value]
-        case KeyKind.SWITCH:
-            told = next(name for name, bit in SWITCHES.items() if bit == value)
-        case KeyKind.INPUT:
-            from steptwin.host.operate.inputs_outputs import wired_inputs
-
-            wired = {place: name for name, place in wired_inputs(robot).items()}
-            told = wired.get((cast("SetInput", harm).axis, value))
-        case KeyKind.FRAMES:
-            ids = tuple(sorted(set(value)))
-            told, axis = name_of(robot, ids) or (list(ids), None)
-            return {key.name: told, "joint": None if axis is None else robot.axis_names[axis]}
-        case KeyKind.BYTES:
-            told = value.hex(" ")
-        case KeyKind.WORD:
-            told = next(word for word, each in key.choices.items() if each == value)
-    return {key.name: key.of_field(told)}
+def _written_values(robot: "Robot", fault: Fault, key: Key, value: Any) -> dict[str, Any]:
+    """Return the values of a key, and of those that go with it, as a request has them."""
+    if key.kind is KeyKind.WORD:
+        return {key.name: next(word for word, each in key.choices.items() if each == value)}
+    if value is None:
+        return {}
+    if key.kind is KeyKind.FRAMES:
+        ids = tuple(sorted(set(value)))
+        name, axis = name_of(robot, ids) or (list(ids), None)
+        return {key.name: name} | ({} if axis is None else {"joint": robot.axis_names[axis]})
+    write = kind_of(key).written
+    return {key.name: key.of_field(value) if write is None else write(robot, value, fault)}
 
 
 # --- the words of a command
@@ -389,7 +456,7 @@ def request_of_words(words: Sequence[str]) -> tuple[str, dict[str, object]]:
     values = {}
     for name, word in given.items():
         with prefixed(f"{name}: "):
-            values[name] = _KINDS[keys[name].kind].of_word(word)
+            values[name] = kind_of(keys[name]).of_word(word)
     return do, {name: value for name, value in values.items() if value is not None}
 
 
@@ -417,6 +484,25 @@ def _other_usage(do: str, words: Sequence[str]) -> InputError:
 
 
 def end_of(do: str, values: Mapping[str, object]) -> str | None:
-    """Return what ends the harm of a request, in words; None if it is over at once, or itself the end of one."""
-    harm = REQUESTS[do]
-    return None if harm is None else harm.ends_by(values)
+    """Return what ends the fault of a request, in words; None if it is over at once, or itself the end of one."""
+    fault = REQUESTS[do]
+    return None if fault is None else fault.ends_by(values)
+
+
+# --- the control port
+
+names: Final = tuple(FAULTS)
+"""The values of `do`: this module is the feature's `ControlRequests`."""
+
+
+def answer(board: "LiveBoard", request: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Do what is requested; the machine's state tells the rest."""
+    fault = read_request(board.robot, request)
+    if fault is not None:
+        board.operate(fault)
+    return {}
+
+
+def written(robot: "Robot", operation: "Operation") -> Mapping[str, Any] | None:
+    """Return the request that asks for a fault; None for another operation."""
+    return request_of(robot, operation) if isinstance(operation, Fault) else None

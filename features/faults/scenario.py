@@ -4,43 +4,48 @@ The same scenario on the same run gives the same bytes. Every error of reading b
 `fault 2: at_s: is missing`.
 """
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from random import Random
-from typing import Any, Final
+from reprlib import repr as short
+from typing import Annotated, Any, Final
 
-from steptwin.features.faults.kinds.harm import Harm
+from pydantic import TypeAdapter
+from pydantic_core import CoreSchema, core_schema
+
+from steptwin.features.faults.fault import Fault
+from steptwin.features.faults.kinds import FAULTS
 from steptwin.features.faults.kinds.host import HostFault
 from steptwin.features.faults.reaction import Motion, Reaction
-from steptwin.features.faults.requests import read_harm, read_identifier
-from steptwin.features.faults.triggers import AtPosition, AtRandom, AtState, AtTime, Direction, OnFrame, Trigger
-from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.features.faults.requests import ReadAs, by_name, fault_of, model_of, read_fault_table, whole_number
+from steptwin.features.faults.triggers import AtTime, DriveState, Time, Trigger, TriggerKeys
+from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, SCENARIO_BYTES_MAX
+from steptwin.host.common.file_models import FileTable, Name, NotNegative, read_model
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.own_files import read_text
-from steptwin.host.common.tables import Reading, Table, integer_from, number_from, toml_table
+from steptwin.host.common.tables import toml_table
 from steptwin.host.robots.robot import Robot
-from steptwin.protocol.cia402 import ErrorCode, State
+from steptwin.protocol.cia402 import ErrorCode
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
-    """One fault.
+class TriggeredFault:
+    """A fault and what starts and ends it.
 
     Attributes:
         name: what reports call it; unique in its scenario.
         trigger: what starts it.
-        harm: what it does.
+        fault: what goes wrong.
         until: what ends it; a number is seconds from its start; None: it lasts until the run's end.
-        expected: the reaction that is right, where the documented one is not (`reactions.documented`).
+        expected: the reaction that is right, where the documented one is not (`Fault.documented`).
     """
 
     name: str
     trigger: Trigger
-    harm: Harm
+    fault: Fault
     until: Trigger | float | None = None
     expected: Reaction | None = None
 
@@ -54,7 +59,7 @@ class Scenario:
     """
 
     name: str
-    faults: tuple[Fault, ...]
+    faults: tuple[TriggeredFault, ...]
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -63,36 +68,110 @@ class Scenario:
             raise ValueError(f"two faults are called {twice[0]!r}")
 
     @classmethod
-    def from_power_up(cls, harms: Iterable[Harm]) -> "Scenario":
-        """Return the scenario of harms that begin at power-up; each is called by its number and what it does."""
+    def from_power_up(cls, faults: Iterable[Fault]) -> "Scenario":
+        """Return the scenario of faults that begin at power-up; each is called by its number and what it does."""
         begin = AtTime(0.0, from_power_up=True)
-        return cls("harms", tuple(Fault(f"{number} {harm.do}", begin, harm) for number, harm in enumerate(harms, 1)))
+        return cls(
+            "faults", tuple(TriggeredFault(f"{number} {each.do}", begin, each) for number, each in enumerate(faults, 1))
+        )
 
     @property
-    def harms_host(self) -> bool:
+    def of_host(self) -> bool:
         """True if a fault concerns the host, which a board in real time does not have."""
-        return any(isinstance(fault.harm, HostFault) for fault in self.faults)
+        return any(isinstance(each.fault, HostFault) for each in self.faults)
 
     def drawn(self) -> "Scenario":
         """Return the scenario with a time in place of each random one: a fault's own, whatever other faults there are.
 
         So a fault keeps its instant when others are taken out.
         """
-        return replace(self, faults=tuple(self._drawn(fault) for fault in self.faults))
+        return replace(self, faults=tuple(self._drawn(each) for each in self.faults))
 
-    def _drawn(self, fault: Fault) -> Fault:
-        random = Random(f"{self.seed} {fault.name}")
-        trigger, until = fault.trigger, fault.until
-        if isinstance(trigger, AtRandom):
-            trigger = trigger.drawn(random)
-        if isinstance(until, AtRandom):
-            until = until.drawn(random)
-        return replace(fault, trigger=trigger, until=until)
+    def _drawn(self, each: TriggeredFault) -> TriggeredFault:
+        random = Random(f"{self.seed} {each.name}")
+        trigger, until = each.trigger.drawn(random), each.until
+        return replace(each, trigger=trigger, until=until.drawn(random) if isinstance(until, Trigger) else until)
 
 
-TIME_MAX_S: Final = 86_400.0
-"""Longest time in a scenario: a day."""
+# --- its file
+
+
+def _codes(values: object) -> tuple[ErrorCode, ...]:
+    if not isinstance(values, list):
+        raise InputError(f"{short(values)} is not a list")
+    for value in values:
+        if not isinstance(value, int) or value not in set(ErrorCode):
+            raise InputError(f"{value!r} is none of the board's error codes, such as 0x{ErrorCode.ESTOP:04X}")
+    return tuple(map(ErrorCode, values))
+
+
 SEED_MAX: Final = (1 << 31) - 1
+
+
+@dataclass(frozen=True, slots=True)
+class ExpectedKeys(FileTable):
+    """An expected reaction other than the documented one."""
+
+    motion: Annotated[Motion, by_name({each.name.lower().replace("_", "-"): each for each in Motion})]
+    codes: Annotated[tuple[ErrorCode, ...], ReadAs(_codes, {"type": "array", "items": {"type": "integer"}})] = ()
+    state: DriveState | None = None
+    within_ms: NotNegative = 0.0
+    certain: bool = True
+
+    def reaction(self) -> Reaction:
+        """Return the reaction; raise InputError for a state after a motion that goes on."""
+        try:
+            return Reaction(self.motion, self.codes, self.state, self.within_ms, self.certain)
+        except ValueError as error:
+            raise InputError(f"expect.{error}") from error
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FaultKeys(TriggerKeys):
+    """What every [[fault]] may have beside `do` and the keys of what it does.
+
+    Attributes:
+        name: what reports call it.
+        for_s: duration.
+        until: trigger that ends it.
+        expect: the reaction that is right in place of the documented one.
+    """
+
+    name: Annotated[str, Name(NAME_CHARS_MAX)] | None = None
+    for_s: Time | None = None
+    until: TriggerKeys | None = None
+    expect: ExpectedKeys | None = None
+
+
+class _AnyFault:
+    """Annotates a list of faults, each of which is read for a robot by the model of its `do`."""
+
+    def __get_pydantic_core_schema__(self, _source: object, _handler: object) -> CoreSchema:
+        return core_schema.list_schema()
+
+    def __get_pydantic_json_schema__(self, _schema: CoreSchema, _handler: object) -> dict[str, Any]:
+        return {
+            "type": "array",
+            "minItems": 1,
+            "items": {"oneOf": [TypeAdapter(model_of(do, FaultKeys)).json_schema() for do in FAULTS]},
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioFile(FileTable):
+    """A scenario: faults on purpose.
+
+    Attributes:
+        fault: the faults.
+        name: what reports call it.
+        title: a line for people.
+        seed: seed of everything that is random.
+    """
+
+    fault: Annotated[list[Any], _AnyFault()] = field(default_factory=list)
+    name: Annotated[str, Name(NAME_CHARS_MAX)] = "scenario"
+    title: str = ""
+    seed: Annotated[int, whole_number(0, SEED_MAX)] = 0
 
 
 def read_scenario(path: Path | str, robot: Robot) -> Scenario:
@@ -109,175 +188,38 @@ def parse_scenario(text: str, robot: Robot, findings: Findings) -> Scenario:
 
     Raises InputError only for a text that is not TOML.
     """
-    return scenario_of(toml_table(text), robot, findings)
+    return scenario_of(toml_table(text).values, robot, findings)
 
 
-def scenario_of(table: Table, robot: Robot, findings: Findings) -> Scenario:
+def scenario_of(values: Mapping[str, Any], robot: Robot, findings: Findings) -> Scenario:
     """Return the scenario of a table with the keys `name`, `seed` and `fault`; wrong parts become findings."""
-    values: dict[str, Any] = {}
+    file, faults = read_model(ScenarioFile, values, findings), list[TriggeredFault]()
     with findings.collecting():
-        values = table.read({}, {"name": _name, "seed": _seed, "fault": Table.elements, "title": Table.text})
-    faults: list[Fault] = []
-    for number, element in enumerate(values.get("fault") or [], 1):
-        with findings.collecting(f"fault {number}: "):
-            fault = _fault(Table(element, "table"), robot, number)
-            if fault.name in [other.name for other in faults]:
-                raise InputError(f"name: {fault.name!r} is the name of another fault")
-            faults.append(fault)
-    if not values.get("fault") and not findings.messages:
-        findings.add("fault: is missing: a scenario has at least one [[fault]]")
-    return Scenario(values.get("name") or "scenario", tuple(faults), values.get("seed") or 0)
+        if not file.fault:
+            raise InputError("fault: is missing: a scenario has at least one [[fault]]")
+        for number, each in enumerate(file.fault, 1):
+            with findings.collecting(f"fault {number}: "):
+                found = len(findings.messages)
+                fault = _fault(each, robot, number, findings.under(f"fault {number}: "))
+                if fault.name in [other.name for other in faults]:
+                    raise InputError(f"name: {fault.name!r} is the name of another fault")
+                if len(findings.messages) == found:
+                    faults.append(fault)
+        return Scenario(file.name, tuple(faults), file.seed)
+    return Scenario("scenario", tuple(faults))
 
 
-def _name(table: Table, key: str) -> str:
-    return table.name(key, NAME_CHARS_MAX)
-
-
-_seed: Final = integer_from(0, SEED_MAX)
-
-
-# --- faults
-
-
-def _fault(table: Table, robot: Robot, number: int) -> Fault:
-    triggers: dict[str, Reading] = {key: partial(read, robot) for key, read in _TRIGGERS.items()}
-    beside: dict[str, Reading] = {
-        "name": _name,
-        **triggers,
-        "for_s": _time_s,
-        "until": partial(_until, robot),
-        "expect": _expect,
-    }
-    harm, values = read_harm(robot, table, beside)
-    if harm is None:
-        raise InputError("do: 'state' harms nothing")
-    trigger = _one_trigger(values)
-    until = _end(harm, values)
-    name = values["name"] or f"{number} {table.text('do')}"
-    return Fault(name, trigger, harm, until, values["expect"])
-
-
-def _one_trigger(values: Mapping[str, Any]) -> Trigger:
-    given = [key for key in _TRIGGERS if values[key] is not None]
-    if len(given) != 1:
-        raise InputError(f"a fault has exactly one of {', '.join(_TRIGGERS)}, not {' and '.join(given) or 'none'}")
-    trigger: Trigger = values[given[0]]
-    return trigger
-
-
-def _end(harm: Harm, values: Mapping[str, Any]) -> Trigger | float | None:
-    given = [key for key in ("for_s", "until") if values[key] is not None]
-    if len(given) > 1:
-        raise InputError("for_s: a fault has for_s or until, not both")
-    if given and (why := harm.why_endless()):
-        raise InputError(f"{given[0]}: this fault has no end: {why}")
-    until: Trigger | float | None = values[given[0]] if given else None
-    return until
-
-
-# --- triggers
-
-
-_time_s: Final = number_from(0, TIME_MAX_S, "s")
-
-
-def _at_s(_robot: Robot, table: Table, key: str) -> Trigger:
-    return AtTime(_time_s(table, key))
-
-
-def _power_up_s(_robot: Robot, table: Table, key: str) -> Trigger:
-    return AtTime(_time_s(table, key), from_power_up=True)
-
-
-def _at_random(_robot: Robot, table: Table, key: str) -> Trigger:
-    with table.section(key) as section:
-        times = section.read({"from_s": _time_s, "to_s": _time_s})
-        if not times["from_s"] <= times["to_s"]:
-            raise InputError(f"to_s: {times['to_s']:g} s is before from_s, {times['from_s']:g} s")
-    return AtRandom(**times)
-
-
-def _at_position(robot: Robot, table: Table, key: str) -> Trigger:
-    with table.section(key) as section:
-        values = section.read(
-            {"joint": Table.text, "value": Table.number},
-            {"direction": lambda table, key: table.choice(key, Direction)},
-        )
-        robot.index_of(values["joint"])
-    return AtPosition(values["joint"], values["value"], values["direction"] or Direction.ANY)
-
-
-def _on_frame(_robot: Robot, table: Table, key: str) -> Trigger:
-    with table.section(key) as section:
-        values = section.read({"id": read_identifier}, {"n": integer_from(1)})
-    return OnFrame(values["id"], values["n"] or 1)
-
-
-def _at_state(robot: Robot, table: Table, key: str) -> Trigger:
-    with table.section(key) as section:
-        values = section.read({"joint": Table.text, "state": _state})
-        robot.axis_index(values["joint"])
-    return AtState(values["joint"], values["state"])
-
-
-def _state(table: Table, key: str) -> State:
-    name = table.text(key)
-    states = {state.name.replace("_", " "): state for state in State}
-    if name not in states:
-        raise unknown(key, name, states)
-    return states[name]
-
-
-_TRIGGERS: Final[Mapping[str, Callable[[Robot, Table, str], Trigger]]] = {
-    "at_s": _at_s,
-    "power_up_s": _power_up_s,
-    "at_position": _at_position,
-    "on_frame": _on_frame,
-    "at_state": _at_state,
-    "at_random": _at_random,
-}
-"""The keys of triggers, and what reads each."""
-
-
-def _until(robot: Robot, table: Table, key: str) -> Trigger:
-    with table.section(key) as section:
-        section.check_keys(_TRIGGERS)
-        return _one_trigger(
-            {each: read(robot, section, each) if each in section else None for each, read in _TRIGGERS.items()}
-        )
-
-
-# --- an expected reaction other than the documented one
-
-
-def _expect(table: Table, key: str) -> Reaction:
-    with table.section(key) as section:
-        values = section.read(
-            {"motion": _motion},
-            {"codes": Table.elements, "state": _state, "within_ms": number_from(0), "certain": Table.truth},
-        )
-        codes = tuple(_code(code) for code in values["codes"] or ())
-        try:
-            return Reaction(
-                motion=values["motion"],
-                codes=codes,
-                state=values["state"],
-                begins_ms=values["within_ms"] or 0.0,
-                certain=values["certain"] is not False,
-            )
-        except ValueError as error:
-            raise InputError(str(error)) from error
-
-
-def _motion(table: Table, key: str) -> Motion:
-    name = table.text(key)
-    motions = {motion.name.lower().replace("_", "-"): motion for motion in Motion}
-    if name not in motions:
-        raise unknown(key, name, motions)
-    return motions[name]
-
-
-def _code(value: object) -> ErrorCode:
-    if not isinstance(value, int) or value not in set(ErrorCode):
-        raise InputError(f"codes: {value!r} is none of the board's error codes, such as 0x{ErrorCode.ESTOP:04X}")
-    return ErrorCode(value)
+def _fault(values: object, robot: Robot, number: int, findings: Findings) -> TriggeredFault:
+    keys = read_fault_table(values, findings, FaultKeys)
+    fault, trigger, until = fault_of(robot, keys), keys.trigger(robot), keys.for_s
+    if fault is None:
+        raise InputError("do: 'state' is no fault: it changes nothing")
+    if keys.until is not None:
+        if until is not None:
+            raise InputError("for_s: a fault has for_s or until, not both")
+        with prefixed("until."):
+            until = keys.until.trigger(robot)
+    if until is not None and (why := fault.why_endless()):
+        raise InputError(f"{'for_s' if keys.until is None else 'until'}: this fault has no end: {why}")
+    expected = None if keys.expect is None else keys.expect.reaction()
+    return TriggeredFault(keys.name or f"{number} {keys.do}", trigger, fault, until, expected)

@@ -6,104 +6,25 @@ instant when it is due, and looks no more often than it must.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import StrEnum
 from random import Random
+from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
 
 from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.features.faults.requests import IDENTIFIER, by_name, whole_number
+from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_models import FileTable, Within
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.machine.robot_boards import RobotBoards
 from steptwin.protocol.cia402 import State
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
-
-class Direction(StrEnum):
-    """A joint's direction where it passes a position."""
-
-    UP = "up"
-    DOWN = "down"
-    ANY = "any"
-
-
-@dataclass(frozen=True, slots=True)
-class AtTime:
-    """An instant, in seconds from the motion's start, or from power-up."""
-
-    at_s: float
-    from_power_up: bool = False
-
-    def __str__(self) -> str:
-        return f"at {self.at_s:g} s from power-up" if self.from_power_up else f"at {self.at_s:g} s"
-
-
-@dataclass(frozen=True, slots=True)
-class AtRandom:
-    """An instant of the motion between two times in seconds from its start, drawn evenly by the scenario's seed.
-
-    Raises:
-        ValueError: the second time is before the first.
-    """
-
-    from_s: float
-    to_s: float
-
-    def __post_init__(self) -> None:
-        if not self.from_s <= self.to_s:
-            raise ValueError(f"to_s: {self.to_s:g} s is before from_s, {self.from_s:g} s")
-
-    def drawn(self, random: Random) -> AtTime:
-        """Return the instant that is drawn, to a microsecond."""
-        return AtTime(round(random.uniform(self.from_s, self.to_s), 6))
-
-    def __str__(self) -> str:
-        return f"at random from {self.from_s:g} s to {self.to_s:g} s"
-
-
-@dataclass(frozen=True, slots=True)
-class AtPosition:
-    """The first servo tick at whose start a joint is at or beyond a position, having been before it.
-
-    Attributes:
-        joint: name of the joint.
-        value: the position, in mm or degrees.
-        direction: the joint's direction where it passes it.
-    """
-
-    joint: str
-    value: float
-    direction: Direction = Direction.ANY
-
-    def __str__(self) -> str:
-        return f"{self.joint} {_PASSING[self.direction]} {self.value:g}"
-
-
-_PASSING = {Direction.UP: "rises to", Direction.DOWN: "falls to", Direction.ANY: "passes"}
-
-
-@dataclass(frozen=True, slots=True)
-class OnFrame:
-    """The instant when the n-th frame of an identifier since power-up becomes valid on the bus."""
-
-    cob_id: int
-    n: int = 1
-
-    def __str__(self) -> str:
-        return f"on frame {self.n} of 0x{self.cob_id:03X}"
-
-
-@dataclass(frozen=True, slots=True)
-class AtState:
-    """The instant when the drive of a joint is found in a state."""
-
-    joint: str
-    state: State
-
-    def __str__(self) -> str:
-        return f"{self.joint} in {self.state.name.replace('_', ' ')}"
-
-
-Trigger = AtTime | AtRandom | AtPosition | OnFrame | AtState
+if TYPE_CHECKING:
+    from steptwin.features.faults.engine import Engine
 
 
 class Watch:
@@ -129,6 +50,73 @@ class Watch:
         return ""
 
 
+class Trigger:
+    """What starts or ends a fault, as data."""
+
+    __slots__ = ()
+
+    def drawn(self, _random: Random) -> "Trigger":
+        """Return the same with what is random in it drawn."""
+        return self
+
+    def check(self, robot: Robot) -> None:
+        """Raise InputError if the robot does not have the joint."""
+
+    def watch(self, engine: "Engine") -> Watch:
+        """Return what waits for it on the machine of an engine from now on."""
+        raise NotImplementedError
+
+
+# --- a time
+
+TIME_MAX_S: Final = 86_400.0
+"""Longest time in a scenario: a day."""
+Time = Annotated[float, Within(0, TIME_MAX_S, "s")]
+
+
+@dataclass(frozen=True, slots=True)
+class AtTime(Trigger):
+    """An instant, in seconds from the motion's start, or from power-up."""
+
+    at_s: float
+    from_power_up: bool = False
+
+    def __str__(self) -> str:
+        return f"at {self.at_s:g} s from power-up" if self.from_power_up else f"at {self.at_s:g} s"
+
+    def watch(self, engine: "Engine") -> "TimeWatch":
+        watch = TimeWatch(counts_of(self.at_s) if self.from_power_up else None, self.at_s)
+        if engine.start_counts is not None:
+            watch.motion_starts(engine.start_counts)
+        return watch
+
+
+@dataclass(frozen=True, slots=True)
+class AtRandom(Trigger, FileTable):
+    """An instant of the motion between two times in seconds from its start, drawn evenly by the scenario's seed.
+
+    Raises:
+        InputError: the second time is before the first.
+    """
+
+    from_s: Time
+    to_s: Time
+
+    def __post_init__(self) -> None:
+        if not self.from_s <= self.to_s:
+            raise InputError(f"to_s: {self.to_s:g} s is before from_s, {self.from_s:g} s")
+
+    def drawn(self, random: Random) -> AtTime:
+        """Return the instant that is drawn, to a microsecond."""
+        return AtTime(round(random.uniform(self.from_s, self.to_s), 6))
+
+    def watch(self, _engine: "Engine") -> Watch:
+        raise ValueError(f"{self}: is not drawn")
+
+    def __str__(self) -> str:
+        return f"at random from {self.from_s:g} s to {self.to_s:g} s"
+
+
 class TimeWatch(Watch):
     """Due at an instant: one that is known, or a time from the motion's start."""
 
@@ -139,70 +127,89 @@ class TimeWatch(Watch):
 
     @property
     def next_counts(self) -> int | None:
-        """The instant, once it is known."""
         return self._at_counts
 
     def is_due(self, now_counts: int) -> bool:
-        """Return whether it has come."""
         return self._at_counts is not None and self._at_counts <= now_counts
 
     def motion_starts(self, start_counts: int) -> None:
-        """Count from here, unless the instant is known."""
         if self._at_counts is None:
             self._at_counts = start_counts + counts_of(self._from_start_s)
 
     def missing(self) -> str:
-        """Return that no motion began, or an empty text."""
         return "no motion began" if self._at_counts is None else ""
+
+
+# --- a position
+
+
+class Direction(StrEnum):
+    """A joint's direction where it passes a position."""
+
+    UP = "up"
+    DOWN = "down"
+    ANY = "any"
+
+
+PassingDirection = Annotated[Direction, by_name({each.value: each for each in Direction})]
+
+
+@dataclass(frozen=True, slots=True)
+class AtPosition(Trigger, FileTable):
+    """The first servo tick at whose start a joint is at or beyond a position, having been before it.
+
+    Attributes:
+        joint: name of the joint.
+        value: the position, in mm or degrees.
+        direction: the joint's direction where it passes it.
+    """
+
+    joint: str
+    value: float
+    direction: PassingDirection = Direction.ANY
+
+    def __str__(self) -> str:
+        return f"{self.joint} {_PASSING[self.direction]} {self.value:g}"
+
+    def check(self, robot: Robot) -> None:
+        robot.index_of(self.joint)
+
+    def watch(self, engine: "Engine") -> "PositionWatch":
+        return PositionWatch(self, engine.target)
+
+
+_PASSING = {Direction.UP: "rises to", Direction.DOWN: "falls to", Direction.ANY: "passes"}
 
 
 class PositionWatch(Watch):
     """Due at the first tick at whose start a joint is at or beyond a position.
 
-    No driver counts pulses faster than one each `period_min_counts`, and none moves the motor by more than a full step,
+    No driver counts pulses faster than its shortest period, and none moves the motor by more than a full step,
     so a joint that is far away cannot be there soon.
     """
 
-    def __init__(
-        self,
-        trigger: AtPosition,
-        robot: Robot,
-        steps: Callable[[], list[float]],
-        moving: Callable[[], bool],
-        period_min_counts: int,
-    ) -> None:
-        """Watch a joint of a robot.
-
-        Args:
-            trigger: what to wait for.
-            robot: the machine.
-            steps: returns where the motors are, in steps of the robot's file from their axes' zeros.
-            moving: returns whether any motor moves.
-            period_min_counts: shortest time between two pulses that a driver counts.
-        """
+    def __init__(self, trigger: AtPosition, target: RobotBoards) -> None:
         self._trigger = trigger
-        self._moving = moving
-        self._robot = robot
+        self._target = target
+        robot = target.robot
         self._joint = robot.index_of(trigger.joint)
-        self._steps = steps
         full_steps = np.diag([float(joint.transmission.microsteps) for joint in robot.axes])
-        ways = robot.from_steps(full_steps)[:, self._joint] - robot.from_steps(0 * full_steps)[:, self._joint]
-        self._per_tick = float(np.abs(ways).sum()) * TICK_COUNTS / period_min_counts
+        travel = robot.from_steps(full_steps)[:, self._joint] - robot.from_steps(0 * full_steps)[:, self._joint]
+        period_min_counts = min(board.config.period_min_counts for board, _ in target.axes)
+        self._per_tick = float(np.abs(travel).sum()) * TICK_COUNTS / period_min_counts
         """How far the joint moves in a tick at most."""
         self._was = self._position()
         self._seen = [self._was, self._was]
         self._look_counts = 0
 
     def _position(self) -> float:
-        return float(self._robot.from_steps(np.array(self._steps()))[self._joint])
+        return float(self._target.robot.from_steps(np.array(self._target.steps()))[self._joint])
 
     @property
     def next_counts(self) -> int | None:
-        """The first tick when the joint may be there; None while nothing moves."""
-        return self._look_counts if self._moving() else None
+        return self._look_counts if self._target.moving else None
 
     def is_due(self, now_counts: int) -> bool:
-        """Look at the joint, if it may be there."""
         if now_counts < self._look_counts:
             return False
         position, value = self._position(), self._trigger.value
@@ -216,9 +223,25 @@ class PositionWatch(Watch):
         return rises or falls
 
     def missing(self) -> str:
-        """Return in words from where to where the joint was seen instead."""
         low, high = self._seen
         return f"{self._trigger.joint} was seen from {low:.3f} to {high:.3f}"
+
+
+# --- a frame, a state
+
+
+@dataclass(frozen=True, slots=True)
+class OnFrame(Trigger, FileTable):
+    """The instant when the n-th frame of an identifier since power-up becomes valid on the bus."""
+
+    id: IDENTIFIER
+    n: Annotated[int, whole_number(1)] = 1
+
+    def __str__(self) -> str:
+        return f"on frame {self.n} of 0x{self.id:03X}"
+
+    def watch(self, _engine: "Engine") -> "FrameWatch":
+        return FrameWatch(self)
 
 
 class FrameWatch(Watch):
@@ -229,16 +252,34 @@ class FrameWatch(Watch):
         self._heard = 0
 
     def hear(self, cob_id: int) -> None:
-        """Count a frame with the trigger's identifier."""
-        self._heard += cob_id == self._trigger.cob_id
+        self._heard += cob_id == self._trigger.id
 
     def is_due(self, _now_counts: int) -> bool:
-        """Return whether there were enough."""
         return self._heard >= self._trigger.n
 
     def missing(self) -> str:
-        """Return in words how many of the frames there were."""
         return f"there were {self._heard} such frames"
+
+
+DriveState = Annotated[State, by_name({state.name.replace("_", " "): state for state in State})]
+
+
+@dataclass(frozen=True, slots=True)
+class AtState(Trigger, FileTable):
+    """The instant when the drive of a joint is found in a state."""
+
+    joint: str
+    state: DriveState
+
+    def __str__(self) -> str:
+        return f"{self.joint} in {self.state.name.replace('_', ' ')}"
+
+    def check(self, robot: Robot) -> None:
+        robot.axis_index(self.joint)
+
+    def watch(self, engine: "Engine") -> "StateWatch":
+        board, axis = engine.target.axes[engine.target.robot.axis_index(self.joint)]
+        return StateWatch(self.state, lambda: board.firmware.nodes[axis].drive.state)
 
 
 class StateWatch(Watch):
@@ -250,13 +291,11 @@ class StateWatch(Watch):
         self._seen: dict[State, None] = {}
 
     def is_due(self, _now_counts: int) -> bool:
-        """Look at the drive."""
         present = self._present()
         self._seen[present] = None
         return present is self._state
 
     def missing(self) -> str:
-        """Return in words which states the drive was in instead."""
         return f"it was in {', '.join(state.name.replace('_', ' ') for state in self._seen)}"
 
 
@@ -268,3 +307,43 @@ def counts_of(seconds: float) -> int:
 def earliest(watches: Iterable[Watch]) -> int | None:
     """Return the first instant when one of these must look; None if there is none."""
     return min((counts for watch in watches if (counts := watch.next_counts) is not None), default=None)
+
+
+# --- the keys of triggers
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TriggerKeys(FileTable):
+    """A trigger.
+
+    Attributes:
+        at_s: time of the motion.
+        power_up_s: time from power-up.
+        at_position: a joint passes a position.
+        on_frame: a frame is on the bus.
+        at_state: the drive of a joint is in a state.
+        at_random: time of the motion, drawn by the seed.
+    """
+
+    at_s: Time | None = None
+    power_up_s: Time | None = None
+    at_position: AtPosition | None = None
+    on_frame: OnFrame | None = None
+    at_state: AtState | None = None
+    at_random: AtRandom | None = None
+
+    def trigger(self, robot: Robot) -> Trigger:
+        """Return the one trigger; raise InputError for none or several, or one that the robot lacks the joint for."""
+        given = {key: value for key in TRIGGERS if (value := getattr(self, key)) is not None}
+        if len(given) != 1:
+            raise InputError(f"a fault has exactly one of {', '.join(TRIGGERS)}, not {' and '.join(given) or 'none'}")
+        ((key, value),) = given.items()
+        if not isinstance(value, Trigger):
+            return AtTime(value, from_power_up=key == "power_up_s")
+        with prefixed(f"{key}."):
+            value.check(robot)
+        return value
+
+
+TRIGGERS: Final = tuple(each.name for each in fields(TriggerKeys))
+"""The keys, of which a fault has one."""

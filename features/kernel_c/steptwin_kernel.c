@@ -86,7 +86,7 @@ static int64_t floor_divide(int64_t numerator, uint32_t divisor)
 }
 
 /* Return the distance, in Q16 steps, that a velocity in 1/64 unit per ms covers; rounded once. */
-static int64_t way_q16(int32_t velocity, int32_t duration_ticks, int32_t microsteps)
+static int64_t distance_q16(int32_t velocity, int32_t duration_ticks, int32_t microsteps)
 {
     return ((int64_t)velocity * duration_ticks * microsteps + 32) >> 6; /* 31 + 10 + 8 bits, less 6 */
 }
@@ -105,8 +105,8 @@ int32_t st_push(st_axis *axes, st_segment *queue, int32_t axis, int32_t displace
     const int32_t microsteps = self->microsteps;
     ST_ASSERT(microsteps >= 1 && microsteps <= 256);
     const int64_t distance = (int64_t)displacement_units * microsteps * 4;
-    const int64_t a = way_q16(self->tail_velocity, duration_ticks, microsteps);
-    const int64_t e = way_q16(end_velocity, duration_ticks, microsteps);
+    const int64_t a = distance_q16(self->tail_velocity, duration_ticks, microsteps);
+    const int64_t e = distance_q16(end_velocity, duration_ticks, microsteps);
     const int64_t middle = 3 * distance - a - e;
     const int64_t b = middle - a;
     const int64_t c = a + e - 2 * distance;

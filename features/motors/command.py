@@ -16,7 +16,7 @@ from steptwin.features.motors.report import (
     print_motors,
     warn_of_payloads,
     write_cycles,
-    write_pictures,
+    write_motor_pictures,
 )
 from steptwin.host.cli.app import command, end_unless
 from steptwin.host.cli.arguments import AnswerOptions, Replace, RobotOptions
@@ -260,6 +260,6 @@ def _tell_run(answer: AnswerOptions, folder: Path, load: LoadOptions, out: Path 
         in_words.append(lambda: print_margins(margins))
     answer.tell(document, *in_words)
     if out is not None:
-        write_pictures(out, ran, run.report.run)
+        write_motor_pictures(out, ran, run.report.run)
         answer.add_files("pictures of the motors are", out)
     end_unless(ran.verdict.kept_step)

@@ -1,7 +1,7 @@
 """What `run --motors` and `motors` say of a robot's motors."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Final
@@ -99,15 +99,17 @@ def margins_of(ran: "MotorRun", comparison: "Comparison") -> "MotorMargins":
         return margins_of_run(searches, ran.slip, bar)
 
 
-def write_pictures(folder: "Path", ran: "MotorRun", run: "RunInfo") -> None:
-    """Draw all pictures of a run's motors into a folder."""
-    from steptwin.features.motors.sizing.motor_pictures import PICTURES, write_motor_pictures
+def write_motor_pictures(folder: "Path", ran: "MotorRun", run: "RunInfo", names: Iterable[str] | None = None) -> None:
+    """Draw pictures of a run's motors into a folder, by default all of them."""
+    from steptwin.features.motors.sizing.motor_pictures import PICTURES
+    from steptwin.host.record.plots import write_pictures
 
-    write_motor_pictures(folder, ran, run, PICTURES)
+    pictures = [each for name, each in PICTURES.items() if names is None or name in names]
+    write_pictures(folder, [each for each in pictures if ran.paths.task.width or not each.of_tool], run, ran)
 
 
 def keep_pictures(folder: "Path", *, replace: bool) -> None:
-    """Raise InputError if `write_pictures` would replace a picture unasked, or could draw none."""
+    """Raise InputError if `write_motor_pictures` would replace a picture unasked, or could draw none."""
     if not find_spec("matplotlib"):
         raise InputError(f"--out: matplotlib is not installed ({installing('plot')})")
     from steptwin.features.motors.sizing.motor_pictures import PICTURES
@@ -144,9 +146,9 @@ def write_cycles(
 def keep_drawn(folder: "Path", ran: "MotorRun", run: "RunInfo", *, pictures: bool) -> None:
     """Draw those pictures into the folder of a run that are drawn in time."""
     if pictures:
-        from steptwin.features.motors.sizing.motor_pictures import write_motor_pictures
+        from steptwin.features.motors.sizing.motor_pictures import IN_TIME
 
-        write_motor_pictures(folder, ran, run)
+        write_motor_pictures(folder, ran, run, IN_TIME)
 
 
 def telling_time(progress: "Progress", what: str) -> "Progress":

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from steptwin.features.faults.fault import MachineFault
 from steptwin.features.faults.kinds.bus import BusFault
-from steptwin.features.faults.kinds.harm import MachineHarm
 from steptwin.features.faults.requests import read_request
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.choices import check_bitrate
@@ -28,7 +28,7 @@ class Operated(NamedTuple):
     """An operation on the machine, and its instant in counts since power-up; an axis is numbered among all boards'."""
 
     counts: int
-    operation: MachineHarm
+    operation: MachineFault
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,11 +124,11 @@ def _bus_faults(table: Table, robot: Robot) -> tuple[str, ...]:
     if "faults" not in table:
         return ()
 
-    def of_bus(fault: Table) -> str | None:
-        with fault.section("do") as request:
-            harm = read_request(robot, request.values)
-        struck = isinstance(harm, BusFault) and not fault.is_null("struck_s")
-        return f"{fault.text('name')} ({request.text('do')})" if struck else None
+    def of_bus(reported: Table) -> str | None:
+        with reported.section("do") as request:
+            fault = read_request(robot, request.values)
+        struck = isinstance(fault, BusFault) and not reported.is_null("struck_s")
+        return f"{reported.text('name')} ({request.text('do')})" if struck else None
 
     return tuple(each for each in table.each("faults", of_bus) if each is not None)
 
@@ -136,7 +136,7 @@ def _bus_faults(table: Table, robot: Robot) -> tuple[str, ...]:
 def _done(table: Table, robot: Robot) -> Operated | str | None:
     """Return an operation that a report tells, or a fault of the bus in words; None for a host's fault or a repair."""
     at_s = table.number("at_s")
-    harm = read_request(robot, {key: value for key, value in table.values.items() if key != "at_s"})
-    if isinstance(harm, BusFault):
+    fault = read_request(robot, {key: value for key, value in table.values.items() if key != "at_s"})
+    if isinstance(fault, BusFault):
         return f"{table.text('do')} at {at_s:g} s"
-    return Operated(round(at_s * COUNTS_PER_SECOND), harm) if isinstance(harm, MachineHarm) else None
+    return Operated(round(at_s * COUNTS_PER_SECOND), fault) if isinstance(fault, MachineFault) else None

@@ -1,4 +1,4 @@
-"""The CANopen master, which drives the embedded board, a served one and a real one alike; it knows no robot."""
+"""The CANopen master: it drives embedded, served and real boards in the same way and knows no robot."""
 
 from steptwin.host.client.axis import AxisClient, AxisSettings
 from steptwin.host.client.axis_homing import HomingSettings

@@ -1,4 +1,4 @@
-"""One axis node, as the master sees it: its objects by SDO, its drive's state, its process data."""
+"""The master's client of one axis node: objects by SDO, state of the drive, process data."""
 
 import struct
 from collections.abc import Callable
@@ -32,7 +32,7 @@ from steptwin.protocol.pvt import PvtFlag, PvtStatus
 
 _BYTE: Final = range(256)
 Objects = list[tuple[int, int]]
-"""Dictionary entries with their values, as (address, value), in the order of writing."""
+"""Dictionary entries as (address, value), in the order in which they are written."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,10 +48,10 @@ class AxisSettings:
     deceleration_units_per_s2: int
     """Deceleration of a halt, a quick stop and the stop after a fault."""
     settling_us: int = 0
-    """Time from ENABLE until the driver takes steps."""
+    """Time from ENABLE until the driver accepts steps."""
 
     def objects(self) -> Objects:
-        """Return the entries that hold these settings; a time of settling that is 0 stays as the axis has it."""
+        """Return the entries of these settings; a settling time of 0 is not written."""
         settling = [(od.SETTLING_US, self.settling_us)] if self.settling_us else []
         return [
             (od.MICROSTEPS if self.microsteps in _BYTE else od.MICROSTEPS_WORD, self.microsteps),
@@ -70,16 +70,16 @@ _STATUS_WAIT_S: Final = 0.001
 _STATE_TIMEOUT_S: Final = 2.0
 _DIALOGUES_MAX: Final = 5
 _OF_A_LATE_HOST: Final = (ErrorCode.HEARTBEAT_LOST, ErrorCode.PVT_UNDERRUN)
-"""Errors that an axis reports when its host is late."""
+"""Errors of an axis whose host is late."""
 _LOST_CONNECTION: Final = tuple(code for code in ErrorCode if code.lost_connection)
-"""Errors that may take a node out of OPERATIONAL, so that it reports by EMCY only."""
+"""Errors after which a node may leave OPERATIONAL and report by EMCY only."""
 _HELD_UP_S: Final = 0.1
-"""Shortest time of being held up that may have been the cause: the period of the host's heartbeat."""
+"""Shortest delay of this program that may have caused them: the period of the host's heartbeat."""
 _NO_ANSWER: Final = "No SDO response received"
-"""The canopen library's message of a timeout; it raises the same exception for other errors."""
+"""Message of the canopen library after a time-out; it raises the same exception for other errors."""
 _RESTARTED: Final = "has restarted (boot-up message)"
 _DISTURBED: Final = (0x0503_0000, 0x0504_0001)
-"""Abort codes caused by another client: its request came between the segments of a string that this one reads."""
+"""Abort codes caused by another client, whose request came between the segments of a string that this one reads."""
 _Answer = TypeVar("_Answer")
 _ENABLING: Final = {
     State.SWITCH_ON_DISABLED: SHUTDOWN,
@@ -87,23 +87,23 @@ _ENABLING: Final = {
     State.SWITCHED_ON: ENABLE_OPERATION,
     State.QUICK_STOP_ACTIVE: ENABLE_OPERATION,
 }
-"""The controlword that leads from each state one step towards OPERATION ENABLED."""
+"""Controlword of the next step towards OPERATION ENABLED, by state."""
 
 
 class AxisClient:
-    """The client of one node; every error it raises names the axis.
+    """The client of one node; every error that it raises names the axis.
 
-    Its methods belong together because they share that name and the node's SDO channel: reading and writing objects,
-    the drive's state, and process data out and in.
+    Its methods share this name and the node's SDO channel: reading and writing objects, the state of the drive, and
+    process data in both directions.
     """
 
     def __init__(self, link: Link, name: str, node_id: int, dictionary: ObjectDictionary, patience: Patience) -> None:
         self.name = name
         self.node_id = node_id
         self.drive_status: DriveStatus | None = None
-        """The last report by TPDO1; None before the first."""
+        """Last report by TPDO1; None before the first."""
         self.pvt_status: PvtStatus | None = None
-        """The last report by TPDO3; None before the first."""
+        """Last report by TPDO3; None before the first."""
         self._stops_reported = 0
         self._link = link
         self._record_cob_id = COB_RPDO[3] + node_id
@@ -128,21 +128,21 @@ class AxisClient:
         if nmt_state == NmtState.INITIALISING and self._boots_since_enabled is not None:  # the boot-up message
             self._boots_since_enabled += 1
 
-    # --- what the node reports by itself
+    # --- the node's own reports
 
     @property
     def restarted(self) -> bool:
-        """True if the node has restarted since this client has enabled it, as after a reset of its board."""
+        """True if the node has restarted since this client enabled it, for example by a reset of its board."""
         return bool(self._boots_since_enabled)
 
     @property
     def stops(self) -> int:
-        """Number of stops and faults, by another program or the machine itself, that the node has reported so far."""
+        """Number of reported stops and faults, caused by another program or the machine itself."""
         return self._stops_reported + self.error_codes.count(ErrorCode.ESTOP)
 
     @property
     def in_fault(self) -> bool:
-        """True while the drive is in fault or has lost its connection, which a node reports by EMCY only."""
+        """True while the drive is in fault or has lost its connection (reported by EMCY only)."""
         if self.drive_status is not None and self.drive_status.in_fault:
             return True
         active = self._errors.active
@@ -150,29 +150,29 @@ class AxisClient:
 
     @property
     def interpolating(self) -> bool:
-        """True while the axis executes PVT records, at rest or not."""
+        """True while the axis executes PVT records, even if they hold it at standstill."""
         status = self.drive_status
         return status is not None and status.interpolating and not self.in_fault
 
     @property
     def halted(self) -> bool:
-        """True while the axis rests amid its PVT records because its group is halted."""
+        """True while the axis is at standstill within its PVT records, because its group is halted."""
         status = self.drive_status
         return status is not None and status.halted and not self.in_fault
 
     @property
     def done(self) -> bool:
-        """True while the axis has no PVT record, neither running nor queued."""
+        """True while the axis has no PVT record running or queued."""
         status = self.pvt_status
         return status is not None and status.flags & (PvtFlag.RUNNING | PvtFlag.EMPTY) == PvtFlag.EMPTY
 
     @property
     def error_codes(self) -> list[int]:
-        """The error codes that the node has reported by EMCY, oldest first."""
+        """Error codes that the node has reported by EMCY, oldest first."""
         return [error.code for error in self._errors.log if error.code]
 
     def fault(self) -> DeviceFaultError:
-        """Return the error that names what the node reported last."""
+        """Return an error that names the node's last report."""
         codes = self.error_codes
         if not codes:
             return DeviceFaultError(f"{self.name}: the drive is in fault and has reported no error code").plainly(
@@ -183,21 +183,21 @@ class AxisClient:
         return DeviceFaultError(f"{text}{late}").plainly(f"{self.name}: {error_words(codes[-1])}{late}")
 
     def ran_dry(self) -> DeviceFaultError:
-        """Return the error of a queue that ran dry while the axis rested: a board has no code for it."""
+        """Return an error for a queue that ran empty at standstill; boards have no error code for it."""
         late = self._late_text()
         return DeviceFaultError(f"{self.name}: {RAN_DRY} before the end of its stream{late}").plainly(
             f"{self.name}: {error_words(ErrorCode.PVT_UNDERRUN)}{late}"
         )
 
     def _late_text(self) -> str:
-        """Return for how long this program was held up, if that may have let a queue run dry; else nothing."""
+        """Return a text with the delay of this program, if that may have let a queue run empty; else an empty text."""
         held_up_s = self._link.held_up_s
         if held_up_s < _HELD_UP_S:
             return ""
         return f"; this computer was too slow: this program was held up for {1000 * held_up_s:.0f} ms"
 
     def restart(self) -> DeviceFaultError:
-        """Return the error that says that the node has restarted."""
+        """Return the error of a node that has restarted."""
         unknown = "its position is unknown: home it"
         return DeviceFaultError(f"{self.name} (node 0x{self.node_id:02X}) {_RESTARTED}; {unknown}").plainly(
             f"{self.name}: its board has restarted; {unknown}"
@@ -228,7 +228,7 @@ class AxisClient:
         self._dialogue(f"writing {text!r} to {od.place_text(address)}", lambda: self._download(address, text))
 
     def ensure(self, address: int, value: int) -> bool:
-        """Write a numeric object unless it has the value already; return whether it was written; raises as `read`."""
+        """Write a numeric object if its value differs; return whether it was written; raises as `read`."""
         if self.read(address) == value:
             return False
         self.write(address, value)
@@ -243,7 +243,7 @@ class AxisClient:
         return entry if isinstance(entry, SdoVariable) else entry[subindex]
 
     def _dialogue(self, what: str, exchange: Callable[[], _Answer]) -> _Answer:
-        """Make one SDO dialogue; repeat it if the answer was to another program that asks the same node."""
+        """Make an SDO transfer; repeat it if its answer may have been for another program at the same node."""
         left = _DIALOGUES_MAX
         while True:
             try:
@@ -279,38 +279,38 @@ class AxisClient:
     # --- the node and its drive
 
     def start_node(self) -> None:
-        """Let the node exchange process data, wherever another master has left it; one that does it goes on."""
+        """Set the node to OPERATIONAL from any NMT state; an OPERATIONAL node is not disturbed."""
         self._link.network.send_message(COB_NMT, bytes((NmtCommand.START, self.node_id)))
 
     def state(self) -> State:
-        """Read the drive's state from its statusword."""
+        """Read the statusword and return the state of the drive."""
         return State.of(self.read(od.STATUSWORD))
 
     def mode(self, statusword: int) -> int:
-        """Return the mode of operation; read it by SDO unless the last report has this statusword, which was read."""
+        """Return the mode of operation, from the last report if its statusword equals this one, else by SDO."""
         report = self.drive_status
         if report is not None and report.statusword == statusword:
             return report.mode
         return self.read(od.MODE_OF_OPERATION_DISPLAY)
 
     def executing(self) -> int:
-        """Read the sequence number of the PVT record that is executed."""
+        """Read the sequence number of the present PVT record."""
         return self.read(od.PVT_EXECUTING_SEQUENCE)
 
     def watch_for_restarts(self) -> None:
-        """Let `restarted` count from now."""
+        """Make `restarted` report restarts from now on."""
         self._boots_since_enabled = 0
 
     def enable(self) -> None:
-        """Lead the drive to OPERATION ENABLED; raise DeviceFaultError if it stays elsewhere."""
+        """Bring the drive to OPERATION ENABLED; raise DeviceFaultError if that fails."""
         if not self.begin_enabling():
             self.await_enabled()
 
     def begin_enabling(self) -> bool:
-        """Lead the drive towards OPERATION ENABLED by its controlwords; return False if its driver has yet to settle.
+        """Send the controlwords to OPERATION ENABLED; return False if the driver still settles.
 
         Raises:
-            DeviceFaultError: it stays elsewhere.
+            DeviceFaultError: the drive does not reach the state.
         """
         self.watch_for_restarts()
         state, told = State.NOT_READY_TO_SWITCH_ON, 0
@@ -331,7 +331,7 @@ class AxisClient:
         return state is State.OPERATION_ENABLED
 
     def await_enabled(self) -> None:
-        """Wait until the driver has settled (2001h:06); raise DeviceFaultError if the drive is not enabled then."""
+        """Wait until the driver has settled (2001h:06); raise DeviceFaultError if the drive is not enabled after it."""
         timeout_s = _STATE_TIMEOUT_S + 1e-6 * self.read(od.SETTLING_US)
         state = State.SWITCHED_ON
 
@@ -360,7 +360,7 @@ class AxisClient:
         self.write(od.EMERGENCY_STOP, 1)
 
     def switch_output(self, output: DigitalOutput, *, on: bool) -> None:
-        """Switch one digital output; leave the axis' others as they are."""
+        """Switch one digital output; the other outputs of the axis do not change."""
         outputs = self.read(od.DIGITAL_OUTPUTS)
         self.write(od.DIGITAL_OUTPUTS, outputs | output if on else outputs & ~output)
 

@@ -1,6 +1,6 @@
 """Run homings from the host: write the settings, start, wait for success or failure.
 
-The client follows a homing by the axes' own reports, and asks an axis only once it says that its homing has ended.
+The client follows a homing by the axes' status reports, and uses SDO only after an axis has reported the end.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,29 +32,29 @@ _TEXTS: Final[dict[int, str]] = {
 
 @dataclass(frozen=True, slots=True)
 class HomingSettings:
-    """The settings of an axis' homing, in the units of its dictionary entries."""
+    """Settings of an axis' homing, in the units of its dictionary entries."""
 
     method: int
     search_units_per_s: int
     """Speed during the search for the switch."""
     zero_units_per_s: int
-    """Speed of crossing the switch's edge."""
+    """Speed at which the edge of the switch is crossed."""
     acceleration_units_per_s2: int
     offset_units: int
     """Position of the edge."""
     timeout_ms: int
     """Longest duration; 0 sets no limit."""
     switch_axis: int | None = None
-    """The axis at whose inputs the switches are, for a homing of several axes together; None for one alone."""
+    """Axis whose inputs have the switches, in a homing of several axes together; None for a homing of one axis."""
     reversed: bool = False
-    """True if the axis moves down where the switches are passed upwards."""
+    """True if the axis moves down while the switches are passed upwards."""
     partial: bool = False
-    """True if the position stays unknown afterwards, because it needs another homing."""
+    """True if the position reference needs a further homing after this one."""
 
     def objects(self) -> list[tuple[int, int]]:
-        """Return the entries that hold these settings, as (address, value).
+        """Return the entries of these settings, as (address, value).
 
-        Those that a homing together needs hold for the next homing only.
+        The entries for a homing of several axes are valid for the next homing only.
         """
         together = (
             []
@@ -87,10 +87,10 @@ class HomingPair(NamedTuple):
     """Two axes that drive one joint and must stay together.
 
     Attributes:
-        first, second: their numbers.
-        skew_max: how far one may go beyond the other while they are homed, in `unit`.
-        unit: the joint's unit.
-        per_unit: the axes' wire units in it.
+        first, second: numbers of the axes.
+        skew_max: largest difference of their travels during homing, in `unit`.
+        unit: unit of the joint.
+        per_unit: wire units per unit.
     """
 
     first: int
@@ -101,27 +101,27 @@ class HomingPair(NamedTuple):
 
 
 class PairWatch:
-    """Watches how far the two axes of a pair have gone since the start of their homings.
+    """Compares the travels of the two axes of a pair since the start of their homings.
 
-    An axis that is homed stands; what it was renumbered by is no way.
+    The travel of an axis ends when it is homed: the change of its position to the home offset is no motion.
     """
 
     def __init__(self, axes: Sequence[AxisClient], pair: HomingPair) -> None:
         self._pair = pair
         self.axes: tuple[AxisClient, AxisClient] = (axes[pair.first], axes[pair.second])
         self._starts_units = [axis.read(od.POSITION_ACTUAL) for axis in self.axes]
-        self._ways_units = [0, 0]
+        self._travels_units = [0, 0]
         self._seeking = [True, True]
 
     def look(self) -> None:
-        """Raise DeviceFaultError if one axis has gone too far beyond the other."""
+        """Raise DeviceFaultError if the travels differ by more than `skew_max`."""
         for i, axis in enumerate(self.axes):
             if self._seeking[i]:
                 position_units = axis.read(od.POSITION_ACTUAL)
                 self._seeking[i] = not axis.read(od.STATUSWORD) & _ENDED
-                if self._seeking[i]:  # the position read before is in the old count
-                    self._ways_units[i] = position_units - self._starts_units[i]
-        skew = abs(self._ways_units[1] - self._ways_units[0]) / self._pair.per_unit
+                if self._seeking[i]:  # else the position was read before the change of coordinates
+                    self._travels_units[i] = position_units - self._starts_units[i]
+        skew = abs(self._travels_units[1] - self._travels_units[0]) / self._pair.per_unit
         if skew > self._pair.skew_max:
             first, second = (axis.name for axis in self.axes)
             text = (
@@ -132,20 +132,19 @@ class PairWatch:
 
 
 _ENDED: Final = Status.TARGET_REACHED | Status.HOMING_ERROR
-"""Bits of the statusword; one of them says that a homing is over."""
+"""Bits of the statusword, one of which marks the end of a homing."""
 
 
 def run_homings(
     link: Link, homings: Sequence[AxisHoming], one_homed: Callable[[], None], pairs: Sequence[PairWatch] = ()
 ) -> None:
-    """Home some enabled axes at the same time and wait until all are homed; if one fails, stop the others.
+    """Home enabled axes at the same time and wait until all are homed; if one fails, stop the others.
 
-    `one_homed` is called whenever one of the axes is homed. Axes that are homed together, as their settings say, set
-    off in the same servo tick.
+    `one_homed` is called after each axis is homed. Axes whose settings name a switch axis start in the same servo tick.
 
     Raises:
-        DeviceFaultError: a homing failed, an axis of a pair went too far beyond the other, or a drive is in fault or
-            was switched off; the message says why.
+        DeviceFaultError: a homing has failed, the axes of a pair have moved too far apart, or a drive is in fault or
+            was switched off; the message gives the reason.
         BusError: a node does not answer, or a homing neither ends nor fails.
     """
     for axis, settings in homings:
@@ -178,7 +177,7 @@ def _await_all(
     one_homed: Callable[[], None],
     pairs: Sequence[PairWatch],
 ) -> None:
-    """Wait until all axes are homed; reports from before the start say nothing."""
+    """Wait until all axes are homed; ignore reports from before the start."""
     waiting = [(axis, old) for (axis, _), old in zip(homings, old_reports, strict=True)]
     listening = Listening(link, [axis for axis, _ in homings])
 
@@ -198,7 +197,7 @@ def _await_all(
 
 
 def _says_it_ended(axis: AxisClient, old: DriveStatus | None) -> bool:
-    """Return whether an axis has reported anything but a homing under way; its last report before the start is old."""
+    """Return whether an axis has reported the end of its homing; `old` is its last report before the start."""
     report = axis.drive_status
     if axis.in_fault or axis.restarted:
         return True
@@ -206,12 +205,12 @@ def _says_it_ended(axis: AxisClient, old: DriveStatus | None) -> bool:
 
 
 def _timeout_s(settings: HomingSettings) -> float:
-    """Return a time longer than the axis' own limit, which does not count the ramp behind the edge."""
+    """Return a time limit longer than the axis' own limit, which does not include the ramp behind the edge."""
     return settings.timeout_ms / 1000 + REST_TIMEOUT_S if settings.timeout_ms else inf
 
 
 def _homed(link: Link, axis: AxisClient) -> bool:
-    """Ask an axis whether it is homed and at rest; raise DeviceFaultError if its homing has failed."""
+    """Return whether an axis is homed and at standstill; raise DeviceFaultError if its homing has failed."""
     statusword = axis.read(od.STATUSWORD)
     state = State.of(statusword)
     if state in FAULT_STATES:
@@ -233,14 +232,14 @@ def _homed(link: Link, axis: AxisClient) -> bool:
 
 
 def failure(axis: AxisClient) -> DeviceFaultError:
-    """Return the error that says why an axis' last homing has failed."""
+    """Return an error with the reason why an axis' last homing has failed."""
     reason = _TEXTS.get(axis.read(od.HOMING_ERROR), "for an unknown reason")
     text = f"{axis.name}: homing failed: {reason}"
     return DeviceFaultError(f"{text} (EMCY 0x{ErrorCode.HOMING_FAILED:04X})").plainly(text)
 
 
 def _release(link: Link, axes: Sequence[AxisClient]) -> None:
-    """Clear the start bits, which aborts homings in progress, and wait until the axes rest."""
+    """Clear the start bits, which aborts homings in progress, and wait for standstill."""
     for axis in axes:
         if axis.state() is State.OPERATION_ENABLED:
             axis.write(od.CONTROLWORD, ENABLE_OPERATION)

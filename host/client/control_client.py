@@ -1,4 +1,4 @@
-"""A client of a served board's control port: it operates the emulated machine and asks how it is."""
+"""A client of a served board's control port: it operates the emulated machine and reads its state."""
 
 import json
 import socket
@@ -20,8 +20,8 @@ class Protect:
     """A driver's Protect pin, or its fault output that is wired to the board.
 
     Attributes:
-        low: True while it tells, for whatever reason, that the driver is off.
-        held: True while it is held low from outside.
+        low: True while it reports a shutdown of the driver.
+        held: True while it is held low externally.
     """
 
     low: bool
@@ -33,8 +33,8 @@ class SwitchState:
     """A limit or home switch.
 
     Attributes:
-        closed: True while it is closed, which is active.
-        stuck: True while it sticks as it is, wherever the machine stands.
+        closed: True while it is closed (active).
+        stuck: True while it is stuck, independent of the position.
     """
 
     closed: bool
@@ -43,7 +43,7 @@ class SwitchState:
 
 @dataclass(frozen=True, slots=True)
 class LatenessReport:
-    """How late something was seen, in us of the wall clock: median, 99th percentile and maximum since power-up."""
+    """Lateness in us of the wall clock: median, 99th percentile and maximum since power-up."""
 
     late_us_p50: float
     late_us_p99: float
@@ -56,22 +56,22 @@ class ControlState:
 
     Attributes:
         robot: the robot's name.
-        simulated: True: nothing real moves.
+        simulated: True if nothing real moves.
         estop: True while the emergency stop is pressed.
         supply_v: voltage of the motor supply.
-        temperature_degc: of the board.
-        protect: each joint's driver.
-        inputs: level of each digital input of the robot's file.
-        switches: the switches that each joint has, by their names `-`, `+` and `home`.
-        bus_load_percent: part of the time that the bus was busy, over the last whole half second.
-        bitrate: for which the bus was made, in bit/s.
-        host_bitrate: of the host's adapter.
+        temperature_degc: temperature of the board.
+        protect: Protect pin of each joint's driver.
+        inputs: level of each digital input in the robot file.
+        switches: switches of each joint, by their names `-`, `+` and `home`.
+        bus_load_percent: load of the bus in the last complete half second.
+        bitrate: nominal bit rate of the bus, in bit/s.
+        host_bitrate: bit rate of the host's adapter.
         ticks: lateness of servo ticks while an axis moves.
         frames: lateness of the board's frames.
-        stood: how often and for how long the board's clock has stood since the computer was too slow.
+        stood: number and duration of the pauses of the board's clock, caused by a slow computer.
         simulated_s: seconds on the board's clock since power-up.
         wall_s: seconds on the wall clock since power-up.
-        document: the whole answer.
+        document: the complete answer.
     """
 
     robot: str
@@ -94,7 +94,7 @@ class ControlState:
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> "ControlState":
-        """Return the state in an answer; raise InputError, with the key, if the answer is something else."""
+        """Decode an answer; raise InputError, which names the key, if it is not a state."""
         table = Table(document, "JSON object")
         with table.section("protect") as joints:
             protect = {name: _protect(joints, name) for name in joints}
@@ -159,19 +159,19 @@ _READ_BYTES: Final = 1 << 16
 
 
 class ControlClient:
-    """Asks one thing after the other, from any thread; a context manager that closes the connection.
+    """Sends one request after the other, from any thread; a context manager that closes the connection.
 
-    It connects for its first request, and again after an error. Each method returns the state of the machine after the
-    request, and waits for at most 2 s: one to connect and one for the answer.
+    It connects at its first request, and again after an error. Each method returns the state of the machine after the
+    request. It waits at most 2 s: one to connect and one for the answer.
 
     Raises:
-        InputError: the board refuses what was asked for, as each method may raise; nothing has changed.
-        BusError: there is no such port, or it does not answer, as each method may raise.
+        InputError: by each method, if the board refuses the request; nothing has changed.
+        BusError: by each method, if there is no such port or it does not answer.
     """
 
     def __init__(self, host: str, port: int) -> None:
         self.title: str = address_text(host, port)
-        """HOST:PORT, as in messages."""
+        """HOST:PORT for messages."""
         self._host, self._port = host, port
         self._socket: socket.socket | None = None
         self._asking = threading.Lock()
@@ -190,47 +190,47 @@ class ControlClient:
     # --- requests
 
     def state(self) -> ControlState:
-        """Ask how the machine is."""
+        """Return the state of the machine."""
         return self.ask("state")
 
     def emergency_stop(self, *, pressed: bool) -> ControlState:
-        """Press the emergency stop, or pull it out."""
+        """Press or release the emergency stop."""
         return self.ask("estop", pressed=pressed)
 
     def supply(self, supply_v: float) -> ControlState:
-        """Give the motor supply another voltage, to 10 mV."""
+        """Set the voltage of the motor supply, in steps of 10 mV."""
         return self.ask("supply", supply_v=supply_v)
 
     def temperature(self, temperature_degc: float) -> ControlState:
-        """Give the board another temperature, to 0.1 degC."""
+        """Set the temperature of the board, in steps of 0.1 degC."""
         return self.ask("temperature", temperature_degc=temperature_degc)
 
     def protect(self, joint: str, *, held: bool) -> ControlState:
-        """Hold the Protect pin of a joint's driver low, as a chip does that is too hot, or release it."""
+        """Hold the Protect pin of a joint's driver low, like a chip that is too hot, or release it."""
         return self.ask("protect", joint=joint, held=held)
 
     def set_input(self, name: str, *, on: bool) -> ControlState:
-        """Set a digital input, by its name in the robot's file."""
+        """Set a digital input by its name in the robot file."""
         return self.ask("input", input=name, on=on)
 
     def switch(self, joint: str, name: str, stuck: Stuck) -> ControlState:
-        """Let a switch of a joint (`-`, `+` or `home`) stick closed or open, or be free again."""
+        """Hold a switch of a joint (`-`, `+` or `home`) closed or open, or release it."""
         return self.ask("switch", joint=joint, switch=name, stuck=stuck)
 
     def node_value(self, node_id: int, place: str) -> float | str | None:
-        """Return a value of a further node, such as "0x6000:01"; of bytes their hexadecimal digits."""
+        """Return a value of a further node, such as "0x6000:01"; bytes as hexadecimal digits."""
         return self._of_node("node", node=node_id, object=place)
 
     def set_node_value(self, node_id: int, place: str, value: float | str) -> float | str | None:
-        """Give a value of a further node, as the machine around it does; return what it is then."""
+        """Set a value of a further node, as its environment would; return the value after it."""
         return self._of_node("node", node=node_id, object=place, value=value)
 
     def node_emergency(self, node_id: int, code: int, register: int = 1, data: bytes = b"") -> ControlState:
-        """Let a further node send an EMCY; code 0 says that the error is over."""
+        """Make a further node send an EMCY; code 0 means that the error is over."""
         return self.ask("node-emergency", node=node_id, code=code, register=register, data=data.hex())
 
     def switch_node(self, node_id: int, *, on: bool) -> ControlState:
-        """Take the supply from a further node, or give it back: it boots again."""
+        """Switch the supply of a further node off or on; when switched on, it boots."""
         return self.ask("node-power", node=node_id, on=on)
 
     def _of_node(self, do: str, **values: Any) -> float | str | None:
@@ -239,7 +239,7 @@ class ControlClient:
         return value
 
     def ask(self, do: str, **values: Any) -> ControlState:
-        """Send a request with these keys beside `do`; return the state after it."""
+        """Send a request with the key `do` and further keys; return the state after it."""
         with self._asking:
             try:
                 answer = self._answer({"do": do, **values})
@@ -256,10 +256,10 @@ class ControlClient:
     # --- the connection
 
     def _answer(self, request: dict[str, Any]) -> ControlState | str:
-        """Return the state after a request, or the reason why it was refused.
+        """Return the state after a request, or the reason of its refusal.
 
         Raises:
-            OSError: no server, or no answer.
+            OSError: there is no server or no answer.
             InputError: the answer is not one of a control port.
         """
         if self._socket is None:

@@ -27,30 +27,30 @@ from steptwin.protocol.objects import TPDO_DEFAULTS
 from steptwin.protocol.od import IDENTITY_DEVICE_TYPE
 
 _STATUS_PERIOD: Final = od.address_of(od.TPDO_COMMUNICATION[2], od.PDO_EVENT_TIMER)
-"""Address of the event timer of TPDO3, which reports a queue's free places."""
+"""Event timer of TPDO3, which reports a queue's free places."""
 _STATUS_PERIOD_MAX_MS: Final = TPDO_DEFAULTS[2].event_timer_ms
-"""Longest period of these reports: the event timer's value after power-up."""
+"""Longest period of these reports: the default of the event timer."""
 _STATUS_PERIOD_MIN_MS: Final = 10
-"""Shortest period of these reports: the inhibit time of TPDO3, the client's polling period."""
+"""Shortest period of these reports: the inhibit time of TPDO3, and the client's polling period."""
 _STATUS_PERIOD_SEGMENTS: Final = 20
-"""Number of segments from one report to the next: three reports come before a queue of 64 runs dry."""
+"""Segments between two reports: three reports arrive before a queue of 64 runs empty."""
 _LOOKS_PER_REPORT: Final = 10
-"""Looks at a stream from one report of its progress to the next: ten reports a second."""
+"""Polls of a stream per progress report: ten reports per second."""
 Progress = Callable[[float], None]
-"""Called from time to time with the part that is done, 0 to 1."""
+"""Called repeatedly with the finished fraction, 0 to 1."""
 
 
 @cache
 def object_dictionary() -> ObjectDictionary:
-    """Return the dictionary; it is made once, since that takes 40 ms, and nothing writes to it."""
+    """Return the object dictionary; it is created once, because that takes 40 ms, and nothing changes it."""
     dictionary: ObjectDictionary = eds.import_eds(io.StringIO(render_eds()), FIRST_NODE_ID)  # type: ignore[no-untyped-call]
     return dictionary
 
 
 class Machine:
-    """The axes in the order of their node ids, from FIRST_NODE_ID on, on one board or on several.
+    """The axes in the order of their node ids, from FIRST_NODE_ID on, on one or several boards.
 
-    A machine is also a clock: time that passes on it, by `wait`, keeps a running stream fed.
+    A machine is also a clock: its `wait` keeps a running stream fed.
     """
 
     def __init__(self, link: Link, names: tuple[str, ...]) -> None:
@@ -63,12 +63,12 @@ class Machine:
         self._status_period_ms = _STATUS_PERIOD_MAX_MS
         self._stream: Stream | None = None
         self._waits: Waits | None = None
-        """The waits of the last trajectory that was started."""
+        """Waits of the last started trajectory."""
 
-    # --- setting up and leaving
+    # --- connect and disconnect
 
     def connect(self) -> None:
-        """Bring all nodes to PRE-OPERATIONAL; raise BusError unless each is a stepper axis."""
+        """Set all nodes to PRE-OPERATIONAL; raise BusError if one is not a stepper axis."""
         self.link.network.nmt.state = "PRE-OPERATIONAL"
         self._check_types()
 
@@ -81,7 +81,7 @@ class Machine:
                 ).plainly(f"{axis.name}: what answers there is not a stepper axis: is this the right machine?")
 
     def configure(self, settings: Sequence[AxisSettings]) -> None:
-        """Write every axis' settings, make it watch this host, then let the nodes exchange process data."""
+        """Write every axis' settings, make it monitor this host, then set the nodes to OPERATIONAL."""
         for axis, own in zip(self.axes, settings, strict=True):
             for address, value in (*own.objects(), (od.ABORT_CONNECTION_OPTION, AbortConnection.FAULT_SIGNAL)):
                 axis.write(address, value)
@@ -90,12 +90,12 @@ class Machine:
         self.start_nodes()
 
     def adopt(self, objects: Sequence[Objects]) -> bool:
-        """Take over a board that may be set up and enabled: write only values that differ, make it watch this host.
+        """Connect to boards that may be configured and enabled; write only values that differ.
 
-        Return whether a value was written.
+        The nodes also monitor this host. Return whether a value was written.
 
         Raises:
-            DeviceFaultError: an axis refuses a value; it takes its driver's settings only while its power is off.
+            DeviceFaultError: an axis refuses a value; settings of the driver may change only while its power is off.
             BusError: a node does not answer or is not a stepper axis.
         """
         self._check_types()
@@ -103,17 +103,17 @@ class Machine:
         for axis in self.axes:
             axis.ensure(od.ABORT_CONNECTION_OPTION, AbortConnection.FAULT_SIGNAL)
             axis.write(od.CONSUMER_HEARTBEATS[0], WATCH_HOST)
-        self._heartbeat.beat()  # before anything moves, so that even a host that is killed at once is missed
+        self._heartbeat.beat()  # before any motion, so that even the loss of a host that is killed at once is detected
         own = zip(self.axes, objects, strict=True)
         written = [axis.ensure(*entry) for axis, entries in own for entry in entries]
         return any(written)
 
     def start_nodes(self) -> None:
-        """Let all nodes exchange process data; those that do it go on."""
+        """Set all nodes to OPERATIONAL; nodes that already are continue undisturbed."""
         self.link.network.nmt.state = "OPERATIONAL"
 
     def enable(self, axes: Collection[int] | None = None) -> None:
-        """Enable these drives, None: all; their drivers settle together."""
+        """Enable drives (None for all); their drivers settle at the same time."""
         chosen = [self.axes[i] for i in (range(len(self.axes)) if axes is None else axes)]
         for axis in [axis for axis in chosen if not axis.begin_enabling()]:
             axis.await_enabled()
@@ -124,7 +124,7 @@ class Machine:
             axis.disable()
 
     def disconnect(self) -> None:
-        """Disconnect; the axes stop watching this host, and enabled drives stay enabled."""
+        """Disconnect; the axes stop monitoring this host, and enabled drives stay enabled."""
         try:
             for axis in self.axes:
                 axis.write(od.CONSUMER_HEARTBEATS[0], 0)
@@ -132,17 +132,17 @@ class Machine:
             self.fall_silent()
 
     def fall_silent(self) -> None:
-        """Stop this host's heartbeat; axes that still watch it take the host for lost."""
+        """Stop this host's heartbeat; axes that still monitor it detect the loss of the host."""
         self._heartbeat.stop()
 
     # --- positions
 
     def preset(self, positions_units: list[int]) -> None:
-        """Declare where the standing machine is: homing method 37 with the position as home offset."""
+        """Set the positions at standstill, by homing method 37 with the position as home offset."""
         for axis, position in zip(self.axes, positions_units, strict=True):
             axis.write(od.HOME_OFFSET, position)
             axis.write(od.HOMING_METHOD, HOME_HERE)
-            axis.write(od.CONTROLWORD, ENABLE_OPERATION)  # homing starts when the bit rises, and a run leaves it set
+            axis.write(od.CONTROLWORD, ENABLE_OPERATION)  # a run leaves the start bit set: clear it
             axis.write(od.MODE_OF_OPERATION, Mode.HOMING)
             axis.write(od.CONTROLWORD, ENABLE_OPERATION | Control.START)
             require(self.link, partial(_homed, axis), f"{axis.name}: homing was not attained", REPLY_TIMEOUT_S)
@@ -157,11 +157,18 @@ class Machine:
         sets: Sequence[Sequence[int]] = (),
         pairs: Sequence[HomingPair] = (),
     ) -> None:
-        """Home the enabled axes by their switches, one after the other or all together; None leaves an axis alone.
+        """Home the enabled axes by their switches, one after the other or all together.
 
-        The axes of a set are homed at the same time in any case; how far the two of a pair go is watched. Afterwards an
-        axis stands a little beyond its home, whose position is `offset_units`. `progress` is called with the part of
-        the axes that is homed. Raises as `axis_homing.run_homings`; after an error no further axis is homed.
+        Raises as `axis_homing.run_homings`; after an error no further axis is homed.
+
+        Args:
+            settings: settings of each axis; None for an axis that is not homed.
+            progress: called with the fraction of the homed axes.
+            together: True to home all axes at the same time.
+            sets: axes that are always homed at the same time.
+            pairs: pairs of axes whose travels must not differ too much.
+
+        Afterwards an axis is at standstill a little beyond its home, whose position is `offset_units`.
         """
         homings = {
             i: AxisHoming(axis, how) for i, (axis, how) in enumerate(zip(self.axes, settings, strict=True)) if how
@@ -178,7 +185,8 @@ class Machine:
     def positions_units(self, moved: Collection[int] | None = None) -> list[int]:
         """Return the position actual value (6064h) of each axis, by its step counter.
 
-        It is read of the axes that have `moved`; None: all. The others stand where they last reported.
+        Axes of `moved` (None for all) are read by SDO. For the others the last report is used, because they are at
+        standstill.
         """
         reports = [None if moved is None or i in moved else axis.drive_status for i, axis in enumerate(self.axes)]
         return [
@@ -191,7 +199,7 @@ class Machine:
     def run(self, motion: StreamedMotion, progress: Progress, begun: Callable[[], None] = lambda: None) -> None:
         """Start a trajectory and wait for its end; raises as `start` and `Stream.tend`.
 
-        `begun` is called once, when the axes have reported that they set off.
+        `begun` is called once, when the axes have reported their start.
         """
         stream = self.start(motion)
         begun()
@@ -203,12 +211,12 @@ class Machine:
                 return
 
     def start(self, motion: StreamedMotion) -> Stream:
-        """Start a trajectory from its first point, where the axes must stand; `wait` tends it until its end.
+        """Start a trajectory at its first point, where the axes must be at standstill; `wait` feeds it until its end.
 
-        How long the axes stand still at its waits, `holds_ms` says.
+        `holds_ms` returns the durations of its waits.
 
         Raises:
-            DeviceFaultError: an axis stands elsewhere, its position is unknown, or it refuses a record.
+            DeviceFaultError: an axis is at another position, has no position reference, or refuses a record.
             BusError: a node does not answer, or a queue does not fill.
         """
         self._waits = None
@@ -219,9 +227,9 @@ class Machine:
         return stream
 
     def _set_status_period(self, shortest_ms: int) -> None:
-        """Make the nodes report their queues' free places often enough for segments that pass in `shortest_ms`.
+        """Set the period in which nodes report their queues' free places, for segments of `shortest_ms`.
 
-        Nodes take PDO parameters only in PRE-OPERATIONAL; their drives keep their state meanwhile.
+        PDO parameters can change only in PRE-OPERATIONAL; the drives keep their state meanwhile.
         """
         period_ms = min(_STATUS_PERIOD_MAX_MS, max(_STATUS_PERIOD_MIN_MS, _STATUS_PERIOD_SEGMENTS * shortest_ms))
         if period_ms == self._status_period_ms:
@@ -234,38 +242,38 @@ class Machine:
 
     @property
     def holds_ms(self) -> tuple[int, ...]:
-        """How long the last trajectory has stood still at each of its waits that it has come to."""
+        """Duration in ms of each wait that the last trajectory has reached so far."""
         return self._waits.holds_ms if self._waits is not None else ()
 
     @property
     def waits_for(self) -> str:
-        """What the trajectory under way waits for, in words; empty while the machine moves."""
-        return self._waits.standing if self._waits is not None and self._stream is not None else ""
+        """Description of the present wait of the trajectory; empty while the machine moves."""
+        return self._waits.title if self._waits is not None and self._stream is not None else ""
 
     def now_s(self) -> float:
         """Return the seconds on the link's clock."""
         return self.link.now_s()
 
     def wait(self, dt_s: float) -> None:
-        """Let time pass, and in addition the time that sending takes; tend the stream. Raises as `Stream.tend`."""
+        """Wait, in addition to the time for sending, and feed the stream; raises as `Stream.tend`."""
         looks = max(1, ceil(dt_s / POLL_S))
         for _ in range(looks):
             (self._stream or self.link).wait(dt_s / looks)
             self._tend()
 
     def drop_trajectory(self) -> None:
-        """Give up the rest of a trajectory that is halted: tend it no more and close the axes' queues."""
+        """Abandon a halted trajectory: stop feeding it and close the axes' queues."""
         self._stream = None
         for axis in self.axes:
             axis.write(od.CONTROLWORD, ENABLE_OPERATION)
 
     def _tend(self) -> None:
-        """Tend the stream; one that has ended or failed is tended no more."""
+        """Feed the stream; forget it when it has ended or failed."""
         stream, self._stream = self._stream, None
         if stream is not None:
             try:
                 stream.tend()
-            except WaitTimeoutError:  # the machine stands
+            except WaitTimeoutError:  # the machine is at standstill
                 raise
             except (BusError, DeviceFaultError):
                 stop_the_rest(self.axes)

@@ -1,6 +1,6 @@
 """Decode CAN frames by the predefined connection set (CiA 301, section 7.3.5): service, node and content.
 
-PDOs are decoded with the mapping after power-up; with another mapping the bytes appear under wrong names.
+PDOs are decoded with their default mapping; with another mapping the values have wrong names.
 """
 
 from collections.abc import Callable
@@ -36,7 +36,7 @@ def named_entry(index: int, subindex: int) -> Entry | None:
 
 
 def entry_text(index: int, subindex: int, data: bytes) -> str:
-    """Return the value in an SDO frame as text: a number, a string, or bytes if the table does not have the entry."""
+    """Format the value in an SDO frame: a number, a string, or bytes if the object table has no such entry."""
     entry = named_entry(index, subindex)
     if entry is None or (entry.data_type.size and entry.data_type.size != len(data)):
         return data.hex(" ")
@@ -47,7 +47,7 @@ def entry_text(index: int, subindex: int, data: bytes) -> str:
 
 
 def value_text(index: int, subindex: int, value: int) -> str:
-    """Return a number as text, in words if it is a code."""
+    """Format a number; name it if it is a code."""
     text_of = _VALUES.get(od.address_of(index, subindex))
     return text_of(value) if text_of else str(value)
 
@@ -119,7 +119,7 @@ def response_text(data: bytes) -> str:
 
 
 def _text(data: bytes, initiates: dict[int, str], with_value: int, others: dict[int, str]) -> str:
-    """Describe a frame by its command specifier; those in `initiates` carry an object, `with_value` a value, too."""
+    """Describe a frame by its command specifier; those of `initiates` carry an object, `with_value` also a value."""
     if len(data) != SDO_BYTES:
         return f"malformed: {len(data)} bytes"
     specifier = data[0] >> 5
@@ -160,24 +160,24 @@ class Decoded:
     service: str
     """One of SERVICES."""
     title: str
-    """The service, with the number of a PDO."""
+    """Name of the service, with the number of a PDO."""
     node_id: int | None
-    """The node that sends or receives the frame; None for all nodes or none."""
+    """Node that sends or receives the frame; None for all nodes or none."""
     node: str
-    """The name of that node: the joint's name, `host`, or the node id."""
+    """Name of that node: the joint's name, `host`, or the node id."""
     text: str
     fields: tuple[dict[str, Any], ...] = ()
-    """The values in a PDO, with their names in the object table."""
+    """Values of a PDO, with their names in the object table."""
 
 
 class Decoder:
-    """Decodes frames, with the nodes' names by their ids."""
+    """Decodes frames; `names` are the nodes' names by their ids."""
 
     def __init__(self, names: dict[int, str]) -> None:
         self._names = {HOST_NODE_ID: "host"} | names
 
     def decode(self, cob_id: int, data: bytes) -> Decoded:
-        """Decode a frame with an 11-bit identifier; a frame that is not CANopen is `other`, with its bytes."""
+        """Decode a frame with an 11-bit identifier; a frame outside of CANopen has the service `other`."""
         if cob_id == COB_NMT:
             return self._nmt(data)
         if cob_id == COB_SYNC:

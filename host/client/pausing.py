@@ -1,8 +1,8 @@
-"""Halt the trajectory that the axes run, on its path, resume it, and make it slower or faster than planned.
+"""Halt a running trajectory on its path, resume it, and run it slower or faster than planned.
 
-Another program may be streaming the trajectory, and it goes on doing so. A node serves one SDO dialogue at a time, and
-a request could disturb one of that program: so a pause is process data alone, and each question about the speed is one
-frame, and so is its answer. The program has told the axes how fast its records may be run.
+Another program may be streaming the trajectory; it continues to do so. A node serves one SDO transfer at a time, so a
+request could disturb that program. Therefore a pause uses process data only, and a request about the speed and its
+answer are one frame each. The streaming program has already set the highest allowed speed of its records.
 """
 
 from collections.abc import Sequence
@@ -21,14 +21,14 @@ _RUN: Final = ENABLE_OPERATION | Control.START
 
 
 def pause_trajectory(machine: Machine) -> bool:
-    """Halt the trajectory and wait until all axes rest; a trajectory that is halted already stays so.
+    """Halt the trajectory and wait for standstill; a halted trajectory stays halted.
 
     Returns:
-        True if the machine is halted; False if the trajectory came to its end first.
+        True if the machine is halted; False if the trajectory has reached its end first.
 
     Raises:
         InputError: no axis runs a trajectory.
-        BusError: the axes do not come to rest.
+        BusError: the axes do not stop.
         DeviceFaultError: a fault has ended the trajectory meanwhile.
     """
     running = running_axes(machine, "pause")
@@ -47,11 +47,11 @@ def pause_trajectory(machine: Machine) -> bool:
 
 
 def resume_trajectory(machine: Machine) -> None:
-    """Let a halted trajectory go on, whichever program halted it; one that is not halted goes on unchanged.
+    """Resume a halted trajectory, even if another program has halted it; do nothing if it is not halted.
 
     Raises:
         InputError: no axis runs a trajectory.
-        BusError: the axes do not set off.
+        BusError: the axes do not start.
         DeviceFaultError: a fault has ended the trajectory meanwhile.
     """
     running = running_axes(machine, "resume")
@@ -61,30 +61,30 @@ def resume_trajectory(machine: Machine) -> None:
 
 
 def abandon_trajectory(machine: Machine) -> None:
-    """Halt the trajectory on its path and give up the rest of it; the axes stay enabled. Raises as `pause_trajectory`.
+    """Halt the trajectory on its path and abandon it; the axes stay enabled. Raises as `pause_trajectory`.
 
-    The halt is the trajectory's own slower and slower pace, so all axes stay on the path until they rest.
+    The halt slows the trajectory time, so all axes stay on the path until standstill.
     """
     if pause_trajectory(machine):
         machine.drop_trajectory()
 
 
 def send_pause(axes: Sequence[AxisClient]) -> None:
-    """Tell axes that run a trajectory to halt on its path; wait for nothing, so that any thread may do it."""
+    """Send the command to halt a trajectory on its path; do not wait, so any thread may call it."""
     for axis in axes:
         axis.send_interpolation_controlword(_RUN | Control.HALT)
 
 
 def send_resume(axes: Sequence[AxisClient]) -> None:
-    """Tell axes to go on with their trajectory; wait for nothing, so that any thread may do it."""
+    """Send the command to resume a trajectory; do not wait, so any thread may call it."""
     for axis in axes:
         axis.send_interpolation_controlword(_RUN)
 
 
 def running_axes(machine: Machine, what: str) -> list[AxisClient]:
-    """Return the axes that execute records; a node that is not OPERATIONAL sends no report and executes none.
+    """Return the axes that execute records; raise InputError, which names the action `what`, if none does.
 
-    Raises InputError, with what is to be done in it, if no axis does.
+    A node that is not OPERATIONAL sends no report and executes no records.
     """
     await_reports(machine, machine.axes)
     running = [axis for axis in machine.axes if axis.interpolating]
@@ -94,7 +94,7 @@ def running_axes(machine: Machine, what: str) -> list[AxisClient]:
 
 
 def check_speed(percent: int) -> None:
-    """Raise InputError unless a speed is one that a trajectory may have, if its own limits allow it."""
+    """Raise InputError if no trajectory may run at this speed."""
     if not RATE_PERCENT_MIN <= percent <= RATE_PERCENT_MAX:
         nearest = min(max(percent, RATE_PERCENT_MIN), RATE_PERCENT_MAX)
         raise InputError(
@@ -103,15 +103,15 @@ def check_speed(percent: int) -> None:
 
 
 def change_speed(machine: Machine, percent: int) -> int:
-    """Let the trajectory run at a percentage of its planned speed; return the highest that it may have, in percent.
+    """Run the trajectory at a percentage of its planned speed; return the highest allowed percentage.
 
-    The axes come to the new speed within the deceleration of a halt, all in step. The speed stays to the trajectory's
-    end, also through a pause; the next one begins as planned.
+    The axes change to the new speed together, with the deceleration of a halt. The speed is valid until the end of the
+    trajectory, also after a pause; the next trajectory begins as planned.
 
     Raises:
         InputError: no axis runs a trajectory, the axes are on several boards, or the speed is too low or too high.
         BusError: a node does not answer.
-        DeviceFaultError: a node refuses.
+        DeviceFaultError: a node refuses the speed.
     """
     check_speed(percent)
     running = running_axes(machine, "make slower or faster")
@@ -126,7 +126,7 @@ def change_speed(machine: Machine, percent: int) -> int:
     try:
         running[0].write(od.GROUP_RATE_Q16, rate_q16(percent))
     except DeviceFaultError:
-        running_axes(machine, "make slower or faster")  # it may have come to its end meanwhile
+        running_axes(machine, "make slower or faster")  # it may have ended meanwhile
         raise
     return highest
 
@@ -136,6 +136,6 @@ def _highest_percent(running: Sequence[AxisClient]) -> int:
 
 
 def present_speed_percent(axes: Sequence[AxisClient]) -> float | None:
-    """Return the present speed of the trajectory in percent of the planned one; 0 in a pause, None without one."""
+    """Return the trajectory's present speed in percent of the planned one; 0 in a pause, None without trajectory."""
     running = next((axis for axis in axes if axis.interpolating), None)
     return None if running is None else round(running.read(od.GROUP_RATE_NOW_Q16) * 100 / FULL_RATE_Q16, 1)

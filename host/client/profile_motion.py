@@ -1,6 +1,6 @@
 """Move axes by their own profiles: all together to a position, or one at a velocity.
 
-The client follows such a motion by the axes' own reports, so other programs on the bus may use SDO meanwhile.
+The client follows the motion by the axes' status reports, so other programs may use SDO meanwhile.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -17,28 +17,29 @@ from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, Mode, Status
 from steptwin.protocol.frame import COB_SYNC
 
 VELOCITY_MIN_UNITS_PER_S: Final = 16
-"""The firmware's smallest velocity, 1/64 unit per ms, is 15.6 units/s; a lower one would be 0."""
+"""Lowest velocity: the firmware's resolution, 1/64 unit per ms, is 15.6 units/s; a lower velocity would be 0."""
 _STALL_S: Final = 5.0
-"""Time limit for the next step; only in a motion of hours does a step take longer."""
+"""Time limit for the next step; a step takes longer only in a motion of hours."""
 
 
 @dataclass(frozen=True, slots=True)
 class ProfileMove:
-    """The move of one axis: target position (607Ah), profile velocity (6081h) and the acceleration of both ramps.
+    """The move of one axis: target position (607Ah), profile velocity (6081h) and acceleration of both ramps.
 
-    The profile acceleration (6083h) and the profile deceleration (6084h) are the same. The way leads to the target.
+    Profile acceleration (6083h) and profile deceleration (6084h) are equal. `travel_units` is the distance to the
+    target.
     """
 
-    way_units: int
+    travel_units: int
     target_units: int
     velocity_units_per_s: int
     acceleration_units_per_s2: int
 
 
 class VelocityTarget(NamedTuple):
-    """An axis to drive: target velocity (60FFh) with its sign, and the acceleration of all ramps, also of stops.
+    """The drive of one axis: signed target velocity (60FFh), and acceleration of all ramps, stops included.
 
-    Ramps in proportion to the velocities keep the axes in step from start to end, whatever ends the motion.
+    With accelerations in proportion to the velocities, the axes stay synchronous in all ramps.
     """
 
     axis: AxisClient
@@ -49,11 +50,11 @@ class VelocityTarget(NamedTuple):
 def move_together(
     link: Link, axes: Sequence[AxisClient], moves: Mapping[int, ProfileMove], progress: Callable[[float], None]
 ) -> None:
-    """Start moves of enabled axes in the same servo tick and wait until all have arrived; the other axes stand.
+    """Start moves of enabled axes in the same servo tick and wait until all have reached their targets.
 
     Raises:
-        DeviceFaultError: a drive is in fault or was stopped on the way, also one that stands.
-        BusError: an axis sends no reports, does not start or does not go on.
+        DeviceFaultError: a drive, even one that does not move, is in fault or was stopped meanwhile.
+        BusError: an axis sends no reports, does not start or does not continue.
     """
     moving = [axes[i] for i in moves]
     for axis, move in zip(moving, moves.values(), strict=True):
@@ -65,12 +66,12 @@ def move_together(
     for axis in axes:
         axis.drive_status = None
     _at_next_sync(link, moving, ENABLE_OPERATION | Control.START)
-    longest, longest_move = max(moves.items(), key=lambda move: abs(move[1].way_units))
+    longest, longest_move = max(moves.items(), key=lambda move: abs(move[1].travel_units))
 
     def arrived() -> bool:
         status = axes[longest].drive_status
         if status is not None:
-            left = (longest_move.target_units - status.position_units) / longest_move.way_units
+            left = (longest_move.target_units - status.position_units) / longest_move.travel_units
             progress(min(1.0, max(0.0, 1.0 - left)))
         return all(map(_arrived, moving))
 
@@ -80,7 +81,7 @@ def move_together(
 
 
 def drive(link: Link, drives: Sequence[VelocityTarget]) -> None:
-    """Drive enabled axes at velocities, several from the same servo tick on, until `halt` or their position limits."""
+    """Drive enabled axes at velocities, all from the same servo tick on, until `halt` or their position limits."""
     together = len(drives) > 1
     for axis, velocity_units_per_s, acceleration_units_per_s2 in drives:
         axis.write(od.TARGET_VELOCITY, 0)
@@ -100,7 +101,7 @@ def drive(link: Link, drives: Sequence[VelocityTarget]) -> None:
 
 
 def halt(link: Link, axes: Sequence[AxisClient]) -> None:
-    """End `drive` by ramps, several from the same servo tick on, and wait for rest; raises as `move_together`."""
+    """End `drive` by ramps from the same servo tick on, and wait for standstill; raises as `move_together`."""
     together = len(axes) > 1
     for axis in axes:
         axis.drive_status = None
@@ -116,7 +117,7 @@ def halt(link: Link, axes: Sequence[AxisClient]) -> None:
 
 
 def _at_next_sync(link: Link, axes: Sequence[AxisClient], controlword: int) -> None:
-    """Let axes take a controlword in the same servo tick."""
+    """Send a controlword that all axes obey in the same servo tick."""
     for axis in axes:
         axis.send_latched_controlword(controlword)
     link.network.send_message(COB_SYNC, b"")
@@ -148,12 +149,12 @@ def follow(link: Link, axes: Sequence[AxisClient], done: Callable[[], bool], sta
 
 
 def _enter(axis: AxisClient, mode: Mode) -> None:
-    """Set an axis' mode with the start bit cleared, because a motion starts when that bit rises."""
+    """Set an axis' mode with the start bit cleared, because a motion starts at its rise."""
     axis.write(od.CONTROLWORD, ENABLE_OPERATION)
     axis.write(od.MODE_OF_OPERATION, mode)
 
 
 def _arrived(axis: AxisClient) -> bool:
-    """Return whether an axis reports that it has taken the set-point (acknowledged) and reached it."""
+    """Return whether an axis reports that it has acknowledged the set-point and reached it."""
     status, wanted = axis.drive_status, int(Status.SET_POINT_ACKNOWLEDGED | Status.TARGET_REACHED)
     return status is not None and status.mode == Mode.PROFILE_POSITION and status.statusword & wanted == wanted

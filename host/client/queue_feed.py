@@ -1,11 +1,11 @@
 """Feed the PVT queue of one axis: credits from the board's reports, resending after losses.
 
-Credits are the free places last reported, less the records sent since. After a gap the cursor goes back to the record
-that the board expects next; a further gap counts only once the board has had time to see the resent records. Without
-any progress for a while, every record that is not acknowledged is sent again.
+Credits are the last reported free places minus the records sent since. After a gap the cursor returns to the record
+that the board expects next; further gap reports are ignored until the board can have received the resent records. After
+a time without progress, all records that are not acknowledged are sent again.
 
-Trajectory time passes as fast as the clock, more slowly, or faster, up to the highest speed that its stream allows. So
-it lies between the start of the record executed and that record's end plus the time since the report at that speed.
+Trajectory time may run slower or faster than the clock, up to the highest speed of its stream. So it is between the
+start of the executed record and the end of that record plus the time since the report at the highest speed.
 """
 
 from collections.abc import Callable, Iterable
@@ -22,54 +22,54 @@ from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.pvt import I24_MAX, I24_MIN, QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, PvtStatus
 
 _BEHIND: Final = SEQUENCE_MODULUS // 2
-"""A number this far ahead, modulo 256, is taken for an old one: reports come at least every 128 records."""
+"""A number this far ahead, modulo 256, is an old one: there is a report at least every 128 records."""
 
 
 class TrajectoryTime:
-    """Lower and upper bound of the time since the trajectory's start, in seconds."""
+    """Lower and upper bound of the trajectory time, in seconds."""
 
     def __init__(self, durations_ms: list[int], now_s: float, highest_percent: int = 100) -> None:
         self._begins_ms = [0, *accumulate(durations_ms)]
-        """The beginning of every record, then the end of the last."""
+        """Begin of every record, and end of the last."""
         self._executing = 0
         self._reported_s = now_s
         self._gain = highest_percent / 100 - 1
-        """By how much more than the clock's the trajectory's time may have passed, as a part."""
+        """Fraction by which trajectory time may run faster than the clock."""
 
     def extend(self, durations_ms: Iterable[int]) -> None:
-        """Add records behind the last one."""
+        """Append records."""
         for duration_ms in durations_ms:
             self._begins_ms.append(self._begins_ms[-1] + duration_ms)
 
     def report(self, executing: int, now_s: float) -> None:
-        """Take a report of the executing record's sequence number, which is its number modulo 256 (2012h:04)."""
+        """Process a report of the executing sequence number (2012h:04), the record's number modulo 256."""
         ahead = (executing - self._executing) % SEQUENCE_MODULUS
         if ahead < _BEHIND:
             self._executing = min(self._executing + ahead, len(self._begins_ms) - 2)
             self._reported_s = now_s
 
     def end(self) -> None:
-        """Take the report that the last record has been executed."""
+        """Process the report that the last record has been executed."""
         self._executing = len(self._begins_ms) - 1
 
     @property
     def least_s(self) -> float:
-        """The lower bound: the trajectory has reached at least this time."""
+        """Lower bound of the trajectory time."""
         return self._begins_ms[self._executing] / 1000
 
     def most_s(self, now_s: float) -> float:
-        """Return the upper bound: the trajectory has reached at most this time."""
+        """Return the upper bound of the trajectory time."""
         ended_s = self._begins_ms[min(self._executing + 1, len(self._begins_ms) - 1)] / 1000
         return ended_s + now_s - self._reported_s + self._gain * (now_s - self._reported_s)
 
 
 _I24_MASK = (1 << 24) - 1
 _PAYLOAD: Final = "V8"
-"""numpy's type for eight bytes that mean nothing to it."""
+"""numpy type of eight opaque bytes."""
 
 
 def payloads(records: AxisRecords, first: int) -> list[bytes]:
-    """Return the bytes of each record, as `PvtRecord.encode` makes them; they are numbered from `first` on.
+    """Encode records like `PvtRecord.encode`, numbered from `first` on.
 
     Raises:
         OverflowError: a value exceeds its field.
@@ -91,25 +91,25 @@ def _within(values: list[int], low: int, high: int) -> np.ndarray[tuple[int], np
 
 
 _GAP_HOLD_S: Final = 0.025
-"""Time after a gap when a further gap does not count: two round trips, at the reports' inhibit time of 10 ms."""
+"""Time after a gap in which further gap reports are ignored: two round trips at the inhibit time of 10 ms."""
 _RESEND_AFTER_S: Final = 0.25
 
 
 class QueueFeed:
-    """The records of one axis on their way to its queue."""
+    """Sends the records of one axis to its queue."""
 
     def __init__(self, axis: AxisClient, records: AxisRecords, now_s: float) -> None:
         self._axis = axis
         self._payloads = payloads(records, 0)
         self._count = len(self._payloads)
         self._later = 0
-        """Number of records of the trajectory that are still to be added."""
+        """Number of records of the trajectory that will be added later."""
         self._held = 0
-        """Number of records without motion that were added to it."""
+        """Number of added records without motion."""
         self._sent = 0
-        """Number of records sent, the cursor; it goes back when records are sent again."""
+        """Cursor: number of records sent; it decreases when records are sent again."""
         self._ever_sent = 0
-        """The highest `_sent` so far: the board may have taken these records although the cursor went back."""
+        """Highest `_sent` so far: the board may have accepted these records although the cursor was moved back."""
         self._acknowledged = 0
         self._free = QUEUE_DEPTH
         self._seen: PvtStatus | None = axis.pvt_status
@@ -120,17 +120,17 @@ class QueueFeed:
 
     @property
     def fraction(self) -> float:
-        """The part of the records that has been sent, 0 to 1."""
+        """Fraction of the records that has been sent, 0 to 1."""
         planned = self._count - self._held + self._later
         return max(0, self._sent - self._held) / max(1, planned)
 
     @property
     def all_acknowledged(self) -> bool:
-        """True once the board has taken every record and no more are to come."""
+        """True if the board has accepted every record and no more will be added."""
         return self._acknowledged == self._count and not self._later
 
     def expect(self, later: int) -> None:
-        """Say how many records of the trajectory are still to be added: until then the queue must not run dry."""
+        """Set the number of records that will be added later; until then the queue must not run empty."""
         self._later = later
 
     def add(self, records: AxisRecords) -> None:
@@ -148,10 +148,10 @@ class QueueFeed:
         self._count = len(self._payloads)
 
     def update(self, now_s: float) -> None:
-        """Read the board's latest report, if it is new, and move the cursor back where records were lost.
+        """Process the board's last report, if it is new, and move the cursor back after a loss.
 
         Raises:
-            BusError: no report has come for SILENCE_S.
+            BusError: there was no report for SILENCE_S.
             DeviceFaultError: the board has refused a record.
         """
         status = self._axis.pvt_status
@@ -165,7 +165,7 @@ class QueueFeed:
             self._gap_reported = False
             self._gap_handled_s = now_s
             self._rewind(now_s)
-        if self._sent == self._acknowledged:  # the board has every record sent: the time runs from the next record
+        if self._sent == self._acknowledged:  # the board has all sent records: measure the time from the next record on
             self._progress_s = now_s
         elif now_s - self._progress_s > _RESEND_AFTER_S:
             self._rewind(now_s)
@@ -185,7 +185,7 @@ class QueueFeed:
             ).plainly(f"{self._axis.name}: the board has refused a part of the motion")
 
     def check_running(self) -> None:
-        """Raise DeviceFaultError if the queue ran dry while the axis rested: the board reports no fault then."""
+        """Raise DeviceFaultError if the queue ran empty at standstill, for which the board reports no fault."""
         status = self._axis.pvt_status
         if status is not None and not status.flags & PvtFlag.RUNNING and not self.all_acknowledged:
             raise self._axis.ran_dry()
@@ -195,7 +195,7 @@ class QueueFeed:
         self._progress_s = now_s
 
     def send_next(self) -> bool:
-        """Send one record, unless all are sent or the queue has no free place; return whether one was sent."""
+        """Send one record, if there is one and the queue has a free place; return whether one was sent."""
         i = self._sent
         if i == self._count or i - self._acknowledged >= self._free:
             return False
@@ -208,7 +208,7 @@ class QueueFeed:
 def fill(feeds: list[QueueFeed], between: Callable[[], None] = lambda: None) -> None:
     """Send one record to each axis in turn, until no axis has both a record and a credit.
 
-    `between` is called after each round, for what must not wait until all are sent.
+    `between` is called after each round, for work that must not wait until all records are sent.
     """
     sending = list(feeds)
     while sending:

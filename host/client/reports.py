@@ -1,4 +1,4 @@
-"""Follow the axes' own reports, and notice that a fault or another program has ended a motion."""
+"""Check the axes' status reports for a fault, or a stop by another program."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -10,26 +10,26 @@ from steptwin.host.client.words import state_text, state_words
 from steptwin.host.common.errors import DeviceFaultError
 from steptwin.protocol.cia402 import ErrorCode, State
 
-_ENABLED: Final = State.OPERATION_ENABLED  # to fetch it from its enum costs time, for every axis at every look
+_ENABLED: Final = State.OPERATION_ENABLED  # bound once: fast for every axis at every poll
 _REPORT_TIMEOUT_S: Final = 0.3
-"""Time limit for a report: three times the event timer of an OPERATIONAL node's status reports."""
+"""Time limit for a report: three periods of an OPERATIONAL node's status reports."""
 
 
 def await_reports(clock: Clock, axes: Sequence[AxisClient]) -> None:
-    """Wait until every axis has reported its drive's status, but no longer than OPERATIONAL nodes need for it."""
+    """Wait until every axis has reported its status, at most for the time that OPERATIONAL nodes need."""
     wait_until(clock, lambda: all(axis.drive_status is not None for axis in axes), _REPORT_TIMEOUT_S)
 
 
 class Listening:
-    """Notices when an axis no longer reports its drive's status, which it does ten times a second."""
+    """Detects an axis that no longer reports its status, which it does ten times per second."""
 
     def __init__(self, clock: Clock, axes: Sequence[AxisClient]) -> None:
-        """Listen from now on."""
+        """Start to measure the time since each axis' last report."""
         self._clock = clock
         self._heard = [(axis, axis.drive_status, clock.now_s()) for axis in axes]
 
     def check(self) -> None:
-        """Raise BusError if an axis has not reported for SILENCE_S; call it at every look."""
+        """Raise BusError if an axis has not reported for SILENCE_S; called at every poll."""
         now_s = self._clock.now_s()
         for i, (axis, report, heard_s) in enumerate(self._heard):
             if axis.drive_status is not report:
@@ -39,9 +39,9 @@ class Listening:
 
 
 def check_faults(clock: Clock, axes: Sequence[AxisClient]) -> None:
-    """Raise DeviceFaultError if a drive is in fault, or its node has restarted.
+    """Raise DeviceFaultError if a drive is in fault or its node has restarted.
 
-    The message names the axis where the fault began.
+    The message names the axis at which the fault began.
     """
     for axis in axes:
         if axis.restarted:
@@ -54,7 +54,7 @@ def check_faults(clock: Clock, axes: Sequence[AxisClient]) -> None:
 
 
 def check_enabled(axes: Sequence[AxisClient]) -> None:
-    """Raise DeviceFaultError if a drive last reported another state than OPERATION ENABLED: something stopped it."""
+    """Raise DeviceFaultError if a drive has left OPERATION ENABLED by its last report, because it was stopped."""
     for axis in axes:
         status = axis.drive_status
         if status is not None and status.state is not _ENABLED:

@@ -1,15 +1,15 @@
-"""Ask a node that other programs ask at the same time, as `status` does beside a running `run`.
+"""SDO client of a node that other programs access at the same time, as `status` does during `run`.
 
-CiA 301 intends an SDO channel for one client. With several clients, each hears the answers to all of them, and their
-requests: by these `OpenRequests` tells which answers are its own. An answer that may be to another program is an error
-after which the dialogue is repeated. What a node may not answer is dropped and counted: frames that have not 8 bytes,
-strings without end.
+CiA 301 intends an SDO channel for one client. With several clients, each receives the requests and answers of all.
+`OpenRequests` uses them to determine which answers belong to this program. An answer that may be for another program is
+an error, and the transfer is repeated. Invalid answers are dropped and counted: frames without 8 bytes, strings without
+end.
 
-A server answers in the order of the questions, under one identifier, and all programs hear all of it (CiA 301,
-7.2.4.3). An answer says what it is: to which command, and for the first one of a transfer, and for a refusal, about
-which object. So only two programs that ask about the same object at the same time can take each other's answers for
-their own: both write it, and one is refused. A bus carries the requests of the others, too, before the answers to them.
-So a program knows how many answers about an object are still to come, and doubts its own until it is the last one.
+A server answers in the order of the requests, with one identifier (CiA 301, 7.2.4.3). An answer contains the command
+that it answers. The first answer of a transfer and a refusal also contain the object. So two programs can confuse their
+answers only if they access the same object at the same time, for example if both write it and one is refused. Requests
+are on the bus before their answers, so a program knows how many answers about an object are still expected. It treats
+its own answer as doubtful until it is the last one.
 """
 
 import queue
@@ -41,40 +41,40 @@ from steptwin.protocol.sdo_frames import (
 from steptwin.protocol.sdo_server import initiates
 
 _ANSWERS: Final = {DOWNLOAD: 0x60, UPLOAD: UPLOAD, 0x00: 0x20, 0x60: 0x00}
-"""The server's command specifier that answers each of the client's: initiate download, upload; segments of both."""
+"""Server's command specifier by the client's: initiate download, upload; segments of both."""
 _SEGMENTS: Final = (0x00, 0x20)
-"""Server's command specifiers whose frames carry no object."""
+"""Server's command specifiers of frames without object."""
 _NO_OBJECT: Final = bytes(3)
-"""The object of a refusal when the server has no transfer under way."""
+"""Object of a refusal if the server has no transfer in progress."""
 
 
 class Whose(Enum):
-    """The program whose request an answer belongs to."""
+    """Program to which an answer belongs."""
 
     OWN = auto()
     OTHERS = auto()
     DOUBTFUL = auto()
-    """This program has asked that, but another one at the same time as well."""
+    """Another program has made the same request at the same time."""
 
 
 class OpenRequests:
-    """The requests to one server that wait for an answer: this program's one, and those that it overhears.
+    """Unanswered requests to one server: that of this program, and those of others.
 
-    Frames come in a thread of the bus, requests go out in the program's: each method may be called in both.
+    Frames arrive in a thread of the bus, requests are sent in the program's thread; each method may be called in both.
     """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._open: Counter[bytes] = Counter()
         self._request = b""
-        """What this program asks; empty while it asks nothing."""
+        """Present request of this program; empty if there is none."""
         self._object = b""
-        """The object of this program's transfer."""
+        """Object of this program's transfer."""
         self._disturbed = False
-        """True if another program has asked something since this program's transfer began."""
+        """True if another program has sent a request since this program's transfer began."""
 
     def ask(self, request: bytes) -> None:
-        """Take note of a request of this program, which takes the place of the one before."""
+        """Record a request of this program; it replaces the previous one."""
         with self._lock:
             self._request = request if request[0] & SPECIFIER in _ANSWERS else b""
             if self._request and initiates(request[0]):
@@ -82,7 +82,7 @@ class OpenRequests:
                 self._open[self._object] += 1
 
     def overhear(self, request: bytes) -> None:
-        """Take note of a request of another program; one that is equal to this program's has the same answer."""
+        """Record a request of another program; an equal request has the same answer."""
         if len(request) != SDO_BYTES:
             return
         with self._lock:
@@ -93,7 +93,7 @@ class OpenRequests:
                 self._open[request[OBJECT]] += 1
 
     def answer(self, answer: bytes) -> Whose:
-        """Take note of an answer and return whom it is to."""
+        """Record an answer and return to whom it belongs."""
         command, about = answer[0] & SPECIFIER, answer[OBJECT]
         with self._lock:
             rivals = self._open[self._object] > 1
@@ -103,7 +103,7 @@ class OpenRequests:
                 return Whose.OTHERS
             first, self._request = initiates(self._request[0]), b""
             if first:
-                in_one_frame = command == UPLOAD and answer[0] & EXPEDITED  # any program's is the object's value
+                in_one_frame = command == UPLOAD and answer[0] & EXPEDITED  # every program receives the object's value
                 return Whose.DOUBTFUL if rivals and not in_one_frame else Whose.OWN
             uploads = command == _ANSWERS[0x60]
             return Whose.DOUBTFUL if uploads and self._disturbed else Whose.OWN
@@ -118,58 +118,57 @@ class OpenRequests:
 
     @property
     def awaited(self) -> bool:
-        """True while answers about the object of this program's transfer are still to come."""
+        """True while answers about the object of this program's transfer are still expected."""
         with self._lock:
             return self._open[self._object] > 0
 
     def forget(self) -> None:
-        """Await no answer any more: the server is silent."""
+        """Forget all requests, because the server is silent."""
         with self._lock:
             self._request = b""
             self._open.clear()
 
 
 _NEXT_SEGMENT: Final = 0x60
-"""Client command specifier that asks for a segment."""
+"""Client's command specifier of a request for a segment."""
 SEGMENTS_MAX: Final = 64
-"""Greatest number of segments of an answer, 448 bytes: the longest string of these nodes has 40."""
+"""Highest number of segments of an answer (448 bytes); the longest string of these nodes has 40 bytes."""
 _PATIENCE_S: Final = 0.8
-"""Time limit for an answer: nodes answer within milliseconds, but the clock of a served board may stand meanwhile."""
+"""Time limit for an answer. Nodes answer within milliseconds, but the clock of a served board may pause."""
 _IMPATIENCE_S: Final = 0.05
 _SLICE_S: Final = 0.05
-"""Length of the pieces of a client's wait: when its own program is held up, only one piece of the limit passes."""
+"""Slice of a client's wait: a delay of its own program uses up only one slice of the time limit."""
 
 
 class Patience:
-    """How long the nodes of a machine are waited for: not long after one was silent, until one answers again.
+    """Time limit for answers of a machine's nodes: short after a node was silent, until one answers.
 
-    So whatever is asked of all nodes in turn, as at an emergency stop, ends soon when the bus or the server is silent;
-    each node is asked nevertheless.
+    So requests to all nodes in turn, as at an emergency stop, end soon on a silent bus; each node is still tried.
     """
 
     def __init__(self) -> None:
         self.timeout_s: float = _PATIENCE_S
 
     def learn(self, *, answered: bool) -> None:
-        """Take note whether a node has answered."""
+        """Record whether a node has answered."""
         self.timeout_s = _PATIENCE_S if answered else _IMPATIENCE_S
 
 
 class DoubtfulAnswerError(SdoError):
-    """An answer may be to another program, which asks for the same object at the same time: ask again."""
+    """An answer may be for another program that accesses the same object at the same time; repeat the request."""
 
 
 class SharedSdoClient(SdoClient):
-    """An SDO client that takes its own answers only.
+    """An SDO client that accepts its own answers only.
 
-    Its methods raise SdoAbortedError if the node refuses, SdoCommunicationError if no answer comes, and
+    Its methods raise SdoAbortedError if the node refuses, SdoCommunicationError without answer, and
     DoubtfulAnswerError.
     """
 
     patience: Patience
-    """Shared by the nodes of a machine; set by the node."""
+    """Time limit that all nodes of a machine share; set by the node."""
     malformed: int = 0
-    """Number of answers that were dropped because they have not 8 bytes (CiA 301, 7.2.4.3)."""
+    """Number of answers dropped because they did not have 8 bytes (CiA 301, 7.2.4.3)."""
     responses: "queue.Queue[tuple[bytes, Whose]]"
     _segments = 0
 
@@ -178,7 +177,7 @@ class SharedSdoClient(SdoClient):
         self._requests = OpenRequests()
 
     def download(self, index: int, subindex: int, data: bytes, force_segment: bool = False) -> None:
-        """Write an object. What fits one request is sent without the library's stream, which costs most of a set-up."""
+        """Write an object; without the library's slow stream if the value fits into one request."""
         if force_segment or not 1 <= len(data) <= EXPEDITED_BYTES_MAX:
             super().download(index, subindex, data, force_segment)
             return
@@ -186,7 +185,7 @@ class SharedSdoClient(SdoClient):
         self.request_response(request)  # type: ignore[no-untyped-call]
 
     def send_request(self, request: bytearray) -> None:
-        """Send a request; raise SdoCommunicationError at an endless answer."""
+        """Send a request; raise SdoCommunicationError if an answer has too many segments."""
         command = request[0] & SPECIFIER
         self._segments = self._segments + 1 if command == _NEXT_SEGMENT else 0
         if self._segments > SEGMENTS_MAX:
@@ -215,7 +214,7 @@ class SharedSdoClient(SdoClient):
         raise SdoCommunicationError("No SDO response received")
 
     def _let_others_have_theirs(self) -> None:
-        """Wait until the node has answered what all programs have asked about the object, as long as for an answer."""
+        """Wait until the node has answered all programs' requests about the object, with the limit of one answer."""
         for slice_s in self._slices_s():
             if not self._requests.awaited:
                 return
@@ -228,7 +227,7 @@ class SharedSdoClient(SdoClient):
         return [slice_s] * ceil(self.patience.timeout_s / slice_s)
 
     def on_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
-        """Take an answer, unless it is to another program."""
+        """Process an answer, unless it is for another program."""
         del can_id, timestamp
         if len(data) != SDO_BYTES:
             self.malformed += 1
@@ -236,7 +235,7 @@ class SharedSdoClient(SdoClient):
             self.responses.put((bytes(data), whose))
 
     def on_request(self, can_id: int, data: bytearray, timestamp: float) -> None:
-        """Overhear what another program asks the node."""
+        """Record a request of another program to the node."""
         del can_id, timestamp
         self._requests.overhear(bytes(data))
 
@@ -249,20 +248,20 @@ class SharedNode(RemoteNode):
         super().__init__(node_id, dictionary)
 
     def associate_network(self, network: Network) -> None:
-        """Listen on a network, and to what other programs ask the node."""
+        """Subscribe to a network, requests of other programs included."""
         super().associate_network(network)
         for client in self.sdo_channels:
             network.subscribe(client.rx_cobid, client.on_request)
 
     def remove_network(self) -> None:
-        """Listen no more."""
+        """Unsubscribe from the network."""
         if self.has_network():
             for client in self.sdo_channels:
                 self.network.unsubscribe(client.rx_cobid, client.on_request)
         super().remove_network()
 
     def add_sdo(self, rx_cobid: int, tx_cobid: int) -> SharedSdoClient:
-        """Add an SDO channel, in the same way as the library adds a node's default one."""
+        """Add an SDO channel, like the library adds a node's default one."""
         client = SharedSdoClient(rx_cobid, tx_cobid, self.object_dictionary)
         client.patience = self._patience
         self.sdo_channels.append(client)

@@ -1,8 +1,8 @@
-"""Stop all axes at once, whichever program moves them, and hold them in an emergency stop.
+"""Stop all axes at once, even if another program moves them, and hold them in an emergency stop.
 
-The quick stop is sent as process data that takes effect at SYNC, so all axes begin to stop in the same servo tick. An
-axis that does not react, because its node is not OPERATIONAL or a frame was lost, gets it by SDO. At rest the drive's
-quick stop option code (605Ah) decides: it holds its position (QUICK STOP ACTIVE) or switches its power off.
+The quick stop is process data that acts at SYNC, so all axes begin to stop in the same servo tick. If an axis does not
+react, because its node is not OPERATIONAL or a frame was lost, it is stopped by SDO. After the stop, the quick stop
+option code (605Ah) of the drive determines whether it holds its position (QUICK STOP ACTIVE) or switches its power off.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -20,20 +20,20 @@ from steptwin.protocol.cia402 import QUICK_STOP, State, Status
 from steptwin.protocol.frame import COB_SYNC
 
 _REACTION_S: Final = 0.05
-"""Time for an axis to react: ten times the longest delay before a changed status is sent."""
+"""Time limit of a reaction: ten times the longest delay of a changed status report."""
 _HELD_S: Final = 1.0
-"""How long an emergency stop is repeated on drives that do not stay in FAULT."""
+"""Time for which an emergency stop is repeated on drives that do not stay in FAULT."""
 UNSURE: Final = "nobody knows whether the machine has stopped: use its own e-stop"
 _REACTED: Final = (State.QUICK_STOP_ACTIVE, State.SWITCH_ON_DISABLED, *FAULT_STATES)
 
 
 def quick_stop(link: Link, axes: Sequence[AxisClient]) -> None:
-    """Stop all axes and wait until they rest.
+    """Stop all axes and wait for standstill.
 
     Raises:
-        BusError: an axis does not answer or does not come to rest; the others have been told to stop.
-        DeviceFaultError: an axis refuses the quick stop, or another program enables it again, which a drive that holds
-            its position after a quick stop allows.
+        BusError: an axis does not answer or does not stop; the others have received the quick stop.
+        DeviceFaultError: an axis refuses the quick stop, or another program enables it again. (A drive that holds its
+            position after a quick stop can be enabled again.)
     """
     _begin_quick_stop(link, axes)
     wait_until(link, lambda: all(map(_reacted, axes)), _REACTION_S)
@@ -42,13 +42,13 @@ def quick_stop(link: Link, axes: Sequence[AxisClient]) -> None:
 
 
 def unsure(error: StepTwinError) -> StepTwinError:
-    """Return an error that says UNSURE as well, of the same kind."""
+    """Return an error of the same type whose message also contains UNSURE."""
     return type(error)(f"{error}; {UNSURE}").plainly(f"{error.plain}; {UNSURE}")
 
 
 @contextmanager
 def saying_if_unsure() -> Iterator[None]:
-    """Add UNSURE to the message of a BusError in a block that is to stop the machine."""
+    """Add UNSURE to the message of a BusError that is raised while the machine is being stopped."""
     try:
         yield
     except BusError as error:
@@ -56,17 +56,17 @@ def saying_if_unsure() -> Iterator[None]:
 
 
 def await_rest(link: Link, axes: Sequence[AxisClient]) -> None:
-    """Wait until no axis moves, in fault or not; raise BusError if they keep moving."""
-    require(link, lambda: all(map(_rests, axes)), "the axes do not come to rest", REST_TIMEOUT_S)
+    """Wait for standstill of all axes, in any state; raise BusError if they continue to move."""
+    require(link, lambda: all(map(_at_standstill, axes)), "the axes do not come to rest", REST_TIMEOUT_S)
 
 
 def emergency_stop(link: Link, axes: Sequence[AxisClient]) -> None:
-    """Stop all axes, switch their power off, and hold them in FAULT until a fault reset, whatever commands them.
+    """Stop all axes, switch their power off, and hold them in FAULT until a fault reset.
 
-    This is stop category 1 of IEC 60204-1, by software. All axes begin the quick stop in the same tick; each turns it
-    into an emergency stop as soon as its SDO arrives, so no other program can set it moving again meanwhile. Raises as
-    `quick_stop`, and DeviceFaultError if a drive does not stay in FAULT. A drive that another program resets meanwhile
-    is stopped again: an emergency stop that races a reset wins.
+    This is stop category 1 of IEC 60204-1, by software. All axes begin the quick stop in the same tick. An SDO to each
+    axis changes it into an emergency stop, so no other program can start it again. If another program resets a drive
+    meanwhile, the drive is stopped again. Raises as `quick_stop`, and DeviceFaultError if a drive does not stay in
+    FAULT.
     """
     _begin_quick_stop(link, axes)
     _each(axes, AxisClient.emergency_stop)
@@ -86,9 +86,9 @@ def emergency_stop(link: Link, axes: Sequence[AxisClient]) -> None:
 
 
 def send_quick_stop(link: Link, axes: Sequence[AxisClient]) -> None:
-    """Tell all axes to begin the quick stop in the same tick; wait for nothing, so that any thread may do it.
+    """Send the quick stop, which all axes begin in the same tick; do not wait, so any thread may call it.
 
-    Raises BusError if the bus does not take the frames.
+    Raises BusError if the bus does not accept the frames.
     """
     for axis in axes:
         axis.send_latched_controlword(QUICK_STOP)
@@ -106,7 +106,7 @@ def _reacted(axis: AxisClient) -> bool:
 
 
 def _stopped(axis: AxisClient) -> bool:
-    """Return whether an axis that has reacted rests; raise DeviceFaultError if it is enabled again."""
+    """Return whether an axis that has reacted is at standstill; raise DeviceFaultError if it is enabled again."""
     statusword = axis.read(od.STATUSWORD)
     if State.of(statusword) is State.OPERATION_ENABLED:
         again = "another program enables the drive again after each stop; `steptwin estop` stops and holds it"
@@ -116,12 +116,12 @@ def _stopped(axis: AxisClient) -> bool:
     return bool(statusword & Status.TARGET_REACHED)
 
 
-def _rests(axis: AxisClient) -> bool:
+def _at_standstill(axis: AxisClient) -> bool:
     return bool(axis.read(od.STATUSWORD) & Status.TARGET_REACHED)
 
 
 def _each(axes: Sequence[AxisClient], do: Callable[[AxisClient], None]) -> None:
-    """Do something with every axis, even after an error; raise the first error at the end."""
+    """Call `do` with every axis, even after an error; raise the first error at the end."""
     errors = []
     for axis in axes:
         try:

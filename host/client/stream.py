@@ -1,4 +1,4 @@
-"""Stream a trajectory: preload the queues and start all axes, feed the queues, switch outputs, notice its end."""
+"""Stream a trajectory: preload the queues, start all axes, feed the queues, switch outputs, detect the end."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -20,7 +20,7 @@ from steptwin.protocol.pvt import QUEUE_DEPTH, PvtFlag
 
 
 class StreamedMotion(NamedTuple):
-    """A trajectory as it is streamed.
+    """A trajectory for streaming.
 
     Attributes:
         records: those of each axis; the records of all axes have the same durations.
@@ -41,11 +41,11 @@ class StreamedMotion(NamedTuple):
 
 
 def stop_the_rest(axes: Sequence[AxisClient]) -> None:
-    """Quick-stop the axes that may still follow a trajectory after something has ended it for others.
+    """Quick-stop the axes that may still follow a trajectory after it has ended for others.
 
-    The axes of one board stop together by themselves, those of another board do not.
+    The axes of one board stop together by themselves; those of another board do not.
     """
-    with suppress(BusError):  # the error that has ended the trajectory is what matters
+    with suppress(BusError):  # the error that has ended the trajectory is more important
         for axis in axes:
             if axis.drive_status is None or axis.drive_status.state is State.OPERATION_ENABLED:
                 axis.send_interpolation_controlword(QUICK_STOP)
@@ -53,19 +53,19 @@ def stop_the_rest(axes: Sequence[AxisClient]) -> None:
 
 _PRELOAD_RECORDS: Final = 32
 _PRELOAD_TIMEOUT_S: Final = 5.0
-"""Time limit for filling the queues: on a bad line lost records can be sent again a few times."""
+"""Time limit for filling the queues; lost records can be sent again a few times."""
 _STALL_S: Final = 5.0
-"""Time limit for a record: one of 255 ms takes up to sqrt(2 * 0.255 * 16.3) = 2.9 s at the end of a slow halt ramp.
+"""Time limit of a record: one of 255 ms takes up to sqrt(2 * 0.255 * 16.3) = 2.9 s at the end of a slow halt ramp.
 
-At 10 % of its speed it takes 2.6 s, and before such a halt 3.4 s, of which the ramp takes 1.6 s.
+At 10 % of its speed it takes 2.6 s; with such a halt 3.4 s, of which the ramp takes 1.6 s.
 """
 
 
 class Stream:
-    """A trajectory that the axes execute; `Machine.wait` tends it, and `ended` becomes True at its end.
+    """A trajectory that the axes execute; `Machine.wait` feeds it, and `ended` becomes True at its end.
 
-    Any program on the bus may halt the trajectory. A halt may last as long as it likes: a time limit holds only for
-    records that do not go on although nothing halts them.
+    Any program on the bus may halt the trajectory for any time. A time limit applies only to records that do not
+    progress although the trajectory is not halted.
     """
 
     def __init__(self, link: Link, axes: tuple[AxisClient, ...], motion: StreamedMotion) -> None:
@@ -78,7 +78,7 @@ class Stream:
                 raise DeviceFaultError(f"{axis.name}: the position is unknown: home the axis first")
         for axis, start in zip(axes, motion.start_units, strict=True):
             _prepare(axis, start)
-            if motion.highest_percent > 100:  # that of a queue that is clear is 100 %
+            if motion.highest_percent > 100:  # 100 % is the default of a cleared queue
                 axis.write(od.GROUP_RATE_HIGHEST_Q16, od.rate_q16(motion.highest_percent))
         legs = divide(motion.records, motion.outputs, motion.waits)
         self.waits: Waits = Waits(axes, motion.wiring, motion.waits, legs)
@@ -95,10 +95,10 @@ class Stream:
         self._seen = axes[0].pvt_status
         self._progress_s = now_s
         self._progress_at_s = 0.0
-        """The trajectory time that was reached at `_progress_s`."""
+        """Trajectory time reached at `_progress_s`."""
 
     def _preloaded(self) -> bool:
-        """Send records while there is room; return whether every queue holds enough of them to start."""
+        """Send records to free places; return whether every queue has enough records to start."""
         now_s = self._link.now_s()
         for feed in self._feeds:
             feed.update(now_s)
@@ -109,7 +109,7 @@ class Stream:
         """Latch every axis' start bit, then send one SYNC: all axes start in the same servo tick."""
         for axis in self._axes:
             axis.send_latched_controlword(ENABLE_OPERATION | Control.START)
-            axis.pvt_status = None  # a report from before the start says nothing about it
+            axis.pvt_status = None  # a report from before the start must not be used
         self._link.network.send_message(COB_SYNC, b"")
         try:
             require(self._link, lambda: all(map(_started, self._axes)), "not all axes start", REPLY_TIMEOUT_S)
@@ -119,21 +119,21 @@ class Stream:
 
     @property
     def fraction(self) -> float:
-        """The part of the records that has been sent, 0 to 1."""
+        """Fraction of the records that has been sent, 0 to 1."""
         return min(feed.fraction for feed in self._feeds)
 
     @property
     def trajectory_s(self) -> float:
-        """The trajectory time reached at least: the beginning of the record last reported as executing."""
+        """Lower bound of the trajectory time: the begin of the record last reported as executing."""
         return self._reached.least_s
 
     @property
     def halted(self) -> bool:
-        """True while the last reports say that the machine rests amid its trajectory."""
+        """True if, by the last reports, the machine is at standstill within its trajectory."""
         return all(axis.halted for axis in self._axes)
 
     def wait(self, dt_s: float) -> None:
-        """Let time pass, and switch outputs that are due on the way as soon as the board is there."""
+        """Wait, and switch outputs during the motion as soon as the board has reached their time."""
         looks = self._schedule.times_to_look(self._link.now_s(), dt_s)
         for look in range(1, looks + 1):
             self._link.wait(dt_s / looks)
@@ -141,19 +141,20 @@ class Stream:
                 self._switch_promptly()
 
     def _switch_promptly(self) -> None:
-        """Switch outputs that are due on the way, between two looks."""
+        """Switch due outputs between two polls."""
         if self._schedule.is_prompt and not self.halted:
             self._schedule.tend(self._link.now_s())
 
     def tend(self) -> None:
-        """Send records, switch outputs that are due and look at the input that is waited for; set `ended` at the end.
+        """Send records, switch due outputs and check the input of a wait; set `ended` at the end.
 
-        Call it at least as often as the queues' reserve requires, and never from a frame's callback.
+        Call it at least as often as the queues' reserve requires, and never in a frame's callback.
 
         Raises:
             DeviceFaultError: an axis is in fault, was stopped, refuses a record or has run out of records.
-            WaitTimeoutError: an input has not got its level in time; the axes rest and the motion is at its end.
-            BusError: an axis no longer reports its status, or the motion stalls although nothing halts it.
+            WaitTimeoutError: an input has not reached its level in time; the axes are at standstill and the motion has
+                ended.
+            BusError: an axis no longer reports its status, or the motion stalls although it is not halted.
         """
         now_s = self._link.now_s()
         check_faults(self._link, self._axes)
@@ -177,7 +178,7 @@ class Stream:
     def _fed(self) -> bool:
         """Send records; return whether the boards have all of them.
 
-        After a time-out it is not called: the queues then run dry at rest, whatever was lost on the bus.
+        It is not called after a time-out: then the queues run empty at standstill.
         """
         for feed in self._feeds:
             feed.check_running()
@@ -199,7 +200,7 @@ class Stream:
 
 
 def _prepare(axis: AxisClient, start_units: int) -> None:
-    """Check where the axis stands, then clear its queue and its start bit, whose rise is what starts a trajectory."""
+    """Check the axis' position, then clear its queue and its start bit, whose rise starts a trajectory."""
     demand = axis.read(od.POSITION_DEMAND)
     if demand != start_units:
         raise DeviceFaultError(
@@ -213,6 +214,6 @@ def _prepare(axis: AxisClient, start_units: int) -> None:
 
 
 def _started(axis: AxisClient) -> bool:
-    """Return whether an axis runs, or has run: a trajectory may be so short that it is done already."""
+    """Return whether an axis runs or has run: a short trajectory may already have ended."""
     running = axis.pvt_status is not None and bool(axis.pvt_status.flags & PvtFlag.RUNNING)
     return axis.done or (running and axis.interpolating)

@@ -1,4 +1,4 @@
-"""Wait for the board: one polling loop and its time limits, for virtual and real time alike."""
+"""Wait for the board: a polling loop and its time limits, for virtual and real time."""
 
 from collections.abc import Callable
 from typing import Final
@@ -7,17 +7,17 @@ from steptwin.host.client.links import Clock
 from steptwin.host.common.errors import BusError
 
 POLL_S: Final = 0.010
-"""Time between two looks at the board; equal to the inhibit time of its status reports."""
+"""Polling period; equal to the inhibit time of the boards' status reports."""
 REST_TIMEOUT_S: Final = 20.0
-"""Longest wait for axes to come to rest; a ramp lasts at most as long as a queue of the longest records, 16.3 s."""
+"""Longest wait for standstill; a stop ramp lasts at most as long as a queue of the longest records, 16.3 s."""
 REPLY_TIMEOUT_S: Final = 1.0
-"""Longest wait for a reaction that a drive shows at once."""
+"""Longest wait for an immediate reaction of a drive."""
 SILENCE_S: Final = 1.0
-"""Longest time without a status report, ten times their event timer; after it the board counts as lost."""
+"""Longest time without a status report, ten periods; after it the board counts as lost."""
 
 
 def wait_until(clock: Clock, condition: Callable[[], bool], timeout_s: float, poll_s: float = POLL_S) -> bool:
-    """Wait until a condition, checked first, is true; return False if it is still false after `timeout_s`."""
+    """Wait until a condition is true, which is checked first; return False if it is false after `timeout_s`."""
     deadline_s = clock.now_s() + timeout_s
     while not condition():
         if clock.now_s() >= deadline_s:
@@ -34,7 +34,7 @@ def silent(name: str) -> BusError:
     )
 
 
-def require(clock: Clock, condition: Callable[[], bool], otherwise: str, timeout_s: float) -> None:
-    """Wait until a condition is true; raise BusError, whose message begins with `otherwise`, if it stays false."""
+def require(clock: Clock, condition: Callable[[], bool], message: str, timeout_s: float) -> None:
+    """Wait until a condition is true; raise BusError, which begins with `message`, if it stays false."""
     if not wait_until(clock, condition, timeout_s):
-        raise BusError(f"{otherwise} within {timeout_s:g} s")
+        raise BusError(f"{message} within {timeout_s:g} s")

@@ -1,14 +1,13 @@
-"""Switch outputs while a trajectory runs, and hold it at rest until an input has its level.
+"""Switch outputs while a trajectory runs, and hold it at standstill until an input has its level.
 
-The time of an output is trajectory time, which stands still while the machine is halted. An output is switched once the
-board reports that it executes a record which begins at the output's time or later, never before. The board's own
-reports come only ten times a second, so the client reads the record number by SDO when an output may be due.
+The time of an output is trajectory time, which does not advance while the machine is halted. An output is switched when
+the board reports a record that begins at the output's time or later, never earlier. The board sends reports only ten
+times per second, so the client reads the record number by SDO when an output may be due.
 
-A wait feeds records without motion, a bounded time ahead.
-
-While it waits, all axes go on executing records, of displacement and velocity 0 and of the same duration. So they stay
-in phase, the time that has passed is a whole number of milliseconds, and the executed motion is the planned one with a
-standstill in it. The records already sent when the input gets its level are executed before the next leg.
+A wait feeds records without motion, a limited time ahead. During a wait all axes execute records with displacement and
+velocity 0 and equal durations. So they stay synchronous, a wait lasts whole milliseconds, and the executed motion is
+the planned one with a standstill in it. When the input has its level, the records already sent are executed before the
+next leg.
 """
 
 from collections import deque
@@ -35,9 +34,9 @@ class MachineWiring(NamedTuple):
 
 
 _PROMPT_S: Final = 0.001
-"""Time between two questions to the board while an output is due on the way."""
+"""Polling period while an output is due during the motion."""
 _AGE_S: Final = 0.02
-"""Age up to which the last report may be known only now: a look and the records that are sent in it."""
+"""Highest age of a report when it is processed: a poll and the records that are sent in it."""
 
 
 class OutputSchedule:
@@ -65,7 +64,7 @@ class OutputSchedule:
         return bool(self._pending) and self._pending[0].on_the_way
 
     def times_to_look(self, now_s: float, dt_s: float) -> int:
-        """Return how often to look within a time: more than once if an output must change promptly, then or soon."""
+        """Return the number of polls within a time: more than one if an output must soon change promptly."""
         due = self.is_prompt and self._pending[0].from_s <= self._reached.most_s(now_s + dt_s) + _AGE_S
         return ceil(dt_s / _PROMPT_S) if due else 1
 
@@ -80,9 +79,9 @@ class OutputSchedule:
 
 
 def has_come(t_s: float, reached: TrajectoryTime, axis: AxisClient, now_s: float, age_s: float = 0.0) -> bool:
-    """Return whether the trajectory has reached a time; ask the board only if the last report leaves it open.
+    """Return whether the trajectory has reached a time; poll the board only if the last report is not sufficient.
 
-    `age_s` is how much older than its reading the report may be, where the answer must come at once.
+    `age_s` is the highest age of the report when it was read, for results that are needed at once.
     """
     if reached.least_s < t_s <= reached.most_s(now_s) + age_s:
         reached.report(axis.executing(), now_s)
@@ -92,7 +91,7 @@ def has_come(t_s: float, reached: TrajectoryTime, axis: AxisClient, now_s: float
 class Leg(NamedTuple):
     """Part of a trajectory between two waits: the records of each axis and the changes of outputs within it.
 
-    Output times count from the trajectory's start, without the time that the waits before have taken.
+    Output times count from the start of the trajectory, without the durations of earlier waits.
     """
 
     records: tuple[AxisRecords, ...]
@@ -103,7 +102,7 @@ def divide(records: tuple[AxisRecords, ...], outputs: Sequence[OutputChange], wa
     """Return the legs of a trajectory: one more than it has waits.
 
     Raises:
-        ValueError: a wait is at no record's beginning, or the waits are not in order of time.
+        ValueError: a wait is not at the begin of a record, or the waits are not in order of time.
     """
     begins_ms = [0, *accumulate(records[0].durations_ms)]
     at_ms = [round(1000 * wait.at_s) for wait in waits]
@@ -123,11 +122,11 @@ def divide(records: tuple[AxisRecords, ...], outputs: Sequence[OutputChange], wa
 HOLD_MS: Final = 10
 """Duration of a record without motion."""
 LEAD_MS: Final = 250
-"""Least time that records are queued ahead while a wait lasts: so late may this program be."""
+"""Time for which records are queued ahead during a wait: the highest allowed lateness of this program."""
 
 
 class Waits:
-    """The waits of one stream: releases a leg's records and outputs when the wait before it is over."""
+    """The waits of one stream. It releases a leg's records and outputs at the end of the wait before."""
 
     def __init__(
         self, axes: tuple[AxisClient, ...], wiring: MachineWiring, waits: Sequence[Wait], legs: Sequence[Leg]
@@ -138,22 +137,22 @@ class Waits:
         self._waits = tuple(waits)
         self._legs = tuple(legs)
         self._over = 0
-        """Number of waits that are over; this is also the number of the present one."""
+        """Number of finished waits, and index of the present one."""
         self._holds_ms = [0] * len(self._waits)
         first_ms = sum(self._legs[0].records[0].durations_ms)
         if self._waits:
             while first_ms + self._holds_ms[0] < LEAD_MS:
                 self._holds_ms[0] += HOLD_MS
         self._begin_ms = first_ms
-        """Executed time when the present wait begins."""
-        self.standing: str = ""
-        """What the machine waits for where it stands now, in words; empty while it moves."""
+        """Executed time at the begin of the present wait."""
+        self.title: str = ""
+        """Description of the present wait; empty while the machine moves."""
         self.timed_out: bool = False
-        """True once the time-out of the present wait has passed: no more records are fed, and the motion ends there."""
+        """True after the time-out of the present wait: no more records are fed, and the motion ends."""
 
     @property
     def holds_ms(self) -> tuple[int, ...]:
-        """Duration of the standstill at each wait that has begun, the present one as far as its records go."""
+        """Duration of each wait reached so far; of the present one, the duration of its records so far."""
         return tuple(self._holds_ms[: self._over + 1])
 
     @property
@@ -162,9 +161,9 @@ class Waits:
         return self._waits[self._over] if self._over < len(self._waits) and not self.timed_out else None
 
     def feed_first(self, feeds: Sequence[QueueFeed]) -> list[int]:
-        """Give the feeds, which hold the first leg, what else must be queued before the start.
+        """Add further records that must be queued before the start to the feeds, which have the first leg.
 
-        Return the durations, in milliseconds, of all records that the feeds have then.
+        Return the durations, in milliseconds, of all records that the feeds then have.
         """
         later = sum(len(leg.records[0].durations_ms) for leg in self._legs[1:])
         held = sum(self._holds_ms) // HOLD_MS
@@ -174,7 +173,7 @@ class Waits:
         return self._legs[0].records[0].durations_ms + [HOLD_MS] * held
 
     def tend(self, feeds: Sequence[QueueFeed], reached: TrajectoryTime, schedule: OutputSchedule, now_s: float) -> None:
-        """Look at the input if the machine has come to the wait; release the next leg, or more records to hold."""
+        """Check the input if the machine has reached the wait; release the next leg, or more records without motion."""
         wait = self.present
         if wait is None:
             return
@@ -185,9 +184,9 @@ class Waits:
                 self.standing = ""
                 self._release(feeds, reached, schedule)
                 return
-            self.standing = wait.title
+            self.title = wait.title
             if has_come(begin_s + wait.timeout_s, reached, self._axes[0], now_s):
-                self.timed_out, self.standing = True, ""
+                self.timed_out, self.title = True, ""
                 return
         released_ms = self._begin_ms + self._holds_ms[self._over]
         while released_ms - 1000 * reached.most_s(now_s) < LEAD_MS:
@@ -198,7 +197,7 @@ class Waits:
                 feed.hold(HOLD_MS)
 
     def check_end(self) -> None:
-        """Raise WaitTimeoutError if the stream has ended at a wait whose time-out has passed."""
+        """Raise WaitTimeoutError if the stream has ended by the time-out of a wait."""
         if self.timed_out:
             raise WaitTimeoutError(self._waits[self._over].timeout_message)
 

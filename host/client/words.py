@@ -1,4 +1,4 @@
-"""Name states, modes and error codes in words, as messages and reports show them."""
+"""Names of states, modes and error codes for messages and reports."""
 
 from enum import Enum
 from typing import Final
@@ -15,7 +15,7 @@ STATES: Final[dict[State, str]] = {
     State.FAULT_REACTION_ACTIVE: "stops because of a fault",
     State.FAULT: "fault, off",
 }
-"""The drive's states in plain words."""
+"""Drive states for operators."""
 
 ERRORS: Final[dict[ErrorCode, str]] = {
     ErrorCode.NONE: "no error",
@@ -44,53 +44,53 @@ ERRORS: Final[dict[ErrorCode, str]] = {
     ErrorCode.LATE_STEP: "a step came too late",
     ErrorCode.HOMING_FAILED: "homing has failed",
 }
-"""The errors of the drives in plain words."""
+"""Drive errors for operators."""
 
 STOP_PRESSED: Final = "the machine's emergency stop is pressed"
-"""What is said of a joint whose emergency stop input is on."""
+"""Message about a joint whose emergency stop input is on."""
 
 HINDRANCES: Final[dict[DigitalInput, str]] = {
     DigitalInput.ESTOP: STOP_PRESSED,
     DigitalInput.DRIVER_PROTECT: "its driver protects itself, as when it is too hot",
     DigitalInput.DRIVER_FAULT: "its driver has switched itself off: a short circuit, too much current, heat or voltage",
 }
-"""The inputs that keep a drive from being switched on, in plain words, the most important first."""
+"""Inputs that prevent a drive from being switched on, for operators, the most important first."""
 
 
 def hindrance_words(inputs: int) -> str | None:
-    """Return what keeps a drive with these inputs from being switched on; None: nothing does."""
+    """Return the reason why a drive with these inputs cannot be switched on; None if it can."""
     return next((words for bit, words in HINDRANCES.items() if inputs & bit), None)
 
 
 def state_words(state: State) -> str:
-    """Return a drive's state in plain words."""
+    """Return a drive's state for operators."""
     return STATES[state]
 
 
 def error_words(code: int) -> str:
-    """Return an error code in plain words."""
+    """Return an error code's meaning for operators."""
     return ERRORS[ErrorCode(code)] if code in set(ErrorCode) else f"unknown error 0x{code:04X}"
 
 
 RAN_DRY: Final = "ran out of records at rest"
-"""What an error says of a queue that ran dry while its axis rested: boards have no error code for it."""
+"""Message about a queue that ran empty at standstill; boards have no error code for it."""
 
 
 def words(member: Enum) -> str:
-    """Return the name of an enumeration's member in lower case, with spaces."""
+    """Return the name of an enum member in lower case, with spaces."""
     return (member.name or "").replace("_", " ").lower()
 
 
 def error_text(code: int) -> str:
-    """Return an EMCY error code in words."""
+    """Return the name of an EMCY error code."""
     return words(ErrorCode(code)) if code in set(ErrorCode) else "unknown error"
 
 
 def state_text(state: State) -> str:
-    """Return a drive's state as CiA 402 writes it."""
+    """Return the name of a drive's state in CiA 402."""
     return state.name.replace("_", " ")
 
 
 def mode_text(mode: int) -> str:
-    """Return a mode of operation in words."""
+    """Return the name of a mode of operation."""
     return words(Mode(mode)) if mode in set(Mode) else f"mode {mode}"

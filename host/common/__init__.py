@@ -1,1 +1,1 @@
-"""Common ground of all rooms of host: errors, checks of input, readers of untrusted files, array types."""
+"""Shared by all packages of host: errors, input checks, readers of untrusted files, array types."""

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 
 class AxisRecords(NamedTuple):
-    """The segments of one axis, as equally long lists: the fields of PVT records without their sequence numbers."""
+    """PVT records of one axis as lists of equal length, without their sequence numbers."""
 
     displacements_units: list[int]
     end_velocities: list[int]

@@ -1,4 +1,4 @@
-"""Checks of input and their messages, shared by several modules: each names the value and a valid one in one line."""
+"""Input checks and their messages, which name the value and a valid one in one line."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -14,9 +14,9 @@ from steptwin.host.common.findings import check_all
 
 
 def printable(text: str) -> str:
-    """Return a text as one line of printable characters, all others escaped as in Python: `\\x1b`, `\\n`, `\\u202e`.
+    """Return a text as one line of printable characters; escape the others as in Python: `\\x1b`, `\\n`, `\\u202e`.
 
-    Printable are the characters that `str.isprintable` names; control and format characters, all spaces but the
+    `str.isprintable` defines which characters are printable. Control and format characters, spaces other than the
     common one, and halves of surrogate pairs are not.
     """
     if text.isprintable():
@@ -25,35 +25,27 @@ def printable(text: str) -> str:
 
 
 _MS_TOLERANCE = 1e-6
-"""Milliseconds by which a duration may miss a whole one, since floats cannot hold most decimal fractions."""
-
+"""Allowed difference of a duration from whole milliseconds, because floats cannot hold most decimal fractions."""
 _DIGITS = 6
-"""Significant digits of a number that a message offers."""
-
+"""Significant digits of a number in a message."""
 _DISTANCE_DIGITS = 3
-"""Significant digits of a distance that a message offers."""
-
+"""Significant digits of a distance in a message."""
 _ROUNDING = 1e-9
-"""Part of a distance that is taken for a rounding error of its computation."""
-
+"""Fraction of a distance that is treated as rounding error."""
 _CHARS_SHOWN = 100
-"""Number of characters of an unknown name that a message or a picture shows at most."""
-
+"""Highest number of characters of an unknown name in a message or picture."""
 _NEAREST_MAX = 3
-"""Number of names that a message offers in place of an unknown one at most."""
-
+"""Highest number of similar names in a message about an unknown one."""
 _COMPARED_MAX = 300
-"""Number of names with which an unknown one is compared, so that thousands of both take no minutes."""
-
+"""Highest number of names that are compared with an unknown one: thousands would take minutes."""
 _BEGINNING_CHARS = 2
-"""Number of characters from which on they may be the beginning of a name."""
-
+"""Least number of characters that are treated as the beginning of a name."""
 _CHOICES_LISTED = 12
-"""Number of choices that a message lists at most."""
+"""Highest number of choices in a message."""
 
 
 def unknown(what: str, given: str, choices: Iterable[str]) -> InputError:
-    """Return the error for an unknown name; its message offers the nearest names, or lists all if none is near."""
+    """Return the error for an unknown name; its message names similar ones, or lists all if none is similar."""
     given = shortened(given)
     names = list(choices)
     near = nearest(given, names)
@@ -66,7 +58,7 @@ def unknown(what: str, given: str, choices: Iterable[str]) -> InputError:
 
 
 def known(what: str, given: object, choices: Iterable[str]) -> str:
-    """Return a name that is among the choices; raise InputError for another one, or for a value that is no text."""
+    """Return a name if it is one of the choices; raise InputError for another name, or a value that is no text."""
     names = list(choices)
     if not isinstance(given, str):
         raise InputError(f"{what} {short(given)} is not a text")
@@ -76,9 +68,9 @@ def known(what: str, given: object, choices: Iterable[str]) -> str:
 
 
 def nearest(given: str, choices: Iterable[str]) -> list[str]:
-    """Return up to three names that begin with the given one or are most like it, whatever the case; none without any.
+    """Return up to three names that begin with the given one or are similar to it, ignoring case.
 
-    So `l1` is near `l1_mm`, though most of its characters are missing.
+    For example `l1_mm` is similar to `l1`, although most of its characters are missing.
     """
     by_lower_case = {name.lower(): name for name in islice(choices, _COMPARED_MAX)}
     text = shortened(given).lower()
@@ -88,13 +80,13 @@ def nearest(given: str, choices: Iterable[str]) -> list[str]:
 
 
 def shortened(text: str) -> str:
-    """Return a text from outside with at most 100 characters and three points."""
+    """Return an external text, cut to 100 characters and three points."""
     return text if len(text) <= _CHARS_SHOWN else f"{text[:_CHARS_SHOWN]}..."
 
 
 @contextmanager
 def prefixed(prefix: str) -> Iterator[None]:
-    """Put a prefix, such as the place of the input, in front of the message of every InputError from the block."""
+    """Prepend a prefix, such as the position in the input, to the message of every InputError of the block."""
     try:
         yield
     except InputError as error:
@@ -103,7 +95,7 @@ def prefixed(prefix: str) -> Iterator[None]:
 
 
 def require_positive(settings: object, *names: str) -> None:
-    """Raise InputError, with a message for each, unless these attributes are above 0."""
+    """Raise InputError, with one message for each, for attributes that are not above 0."""
     check_all(*(partial(_require_positive, settings, name) for name in names))
 
 
@@ -114,7 +106,7 @@ def _require_positive(settings: object, name: str) -> None:
 
 
 def whole_ms(what: str, value_s: float) -> int:
-    """Return a time in milliseconds; raise InputError, with the nearest valid time, unless it is a whole number."""
+    """Convert a time to milliseconds; raise InputError, with the nearest valid time, if it is not a whole number."""
     value_ms = 1000.0 * value_s
     if not isfinite(value_ms):
         raise InputError(f"{what}: {value_s:.9g} s is not a whole number of milliseconds")
@@ -125,7 +117,7 @@ def whole_ms(what: str, value_s: float) -> int:
 
 
 def apart(value: float, limit: float) -> tuple[str, str]:
-    """Return both numbers with enough decimals to tell them apart, from one to twelve; short if none do."""
+    """Format both numbers with as many decimals, one to twelve, as show their difference."""
     for decimals in range(1, 13):
         texts = f"{value:.{decimals}f}", f"{limit:.{decimals}f}"
         if float(texts[0]) != float(texts[1]):  # "-0.0" is 0.0
@@ -133,18 +125,18 @@ def apart(value: float, limit: float) -> tuple[str, str]:
     return f"{value:g}", f"{limit:g}"
 
 
-# --- limits, and what keeps them
+# --- limits
 
 
 def outside(value: float, lower: float, upper: float, unit: str, when: str = "") -> str:
-    """Return that a value, at some instant, is outside its limits, with enough decimals to see that it is."""
+    """Return a text that a value is outside of its limits, with enough decimals to show it."""
     text, _ = apart(value, lower if value < lower else upper)
     unit = f" {unit}" if unit else ""
     return f"{text}{unit}{when} is outside {lower:g}..{upper:g}{unit}"
 
 
 def nearest_within(value: float, lower: float, upper: float, unit: str) -> str:
-    """Return, after a semicolon, which value between two limits is the nearest to one outside; nothing for NaN.
+    """Return a text, after a semicolon, with the nearest value between two limits; an empty text for NaN.
 
     The number in the text is between the limits.
     """
@@ -157,22 +149,22 @@ def nearest_within(value: float, lower: float, upper: float, unit: str) -> str:
 
 
 _WRITTEN_OUT = 1e9
-"""Distance up to which one is written without an exponent."""
+"""Largest distance that is written without an exponent."""
 
 
 def by(distance: float, unit: str) -> str:
-    """Return a distance from a limit as text, rounded up to three digits, so that going back so far is enough."""
+    """Format a distance beyond a limit, rounded up to three digits: reducing the value by it keeps the limit."""
     text = _rounded(distance * (1 - _ROUNDING), ROUND_CEILING, _DISTANCE_DIGITS)
     return f"{float(text):.0f} {unit}" if "e+" in text and distance < _WRITTEN_OUT else f"{text} {unit}"
 
 
 def at_most(limit: float) -> str:
-    """Return a limit rounded down to six significant digits, so that the number in the text keeps it."""
+    """Format an upper limit, rounded down to six significant digits: the number in the text keeps the limit."""
     return _rounded(limit, ROUND_FLOOR)
 
 
 def at_least(limit: float) -> str:
-    """Return a limit rounded up to six significant digits, so that the number in the text keeps it."""
+    """Format a lower limit, rounded up to six significant digits: the number in the text keeps the limit."""
     return _rounded(limit, ROUND_CEILING)
 
 

@@ -1,7 +1,4 @@
-"""Words and values to choose from: levels, bit rates, names with values, the control port's words.
-
-By the control port programs operate the machine of a served board: docs/control-port.md.
-"""
+"""Choices of users: levels, bit rates, NAME=VALUE pairs, names of the control port (docs/control-port.md)."""
 
 from enum import StrEnum
 from typing import Final
@@ -11,11 +8,11 @@ from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.frame import BITRATES
 
 LEVELS: Final = {"on": True, "off": False}
-"""Levels of digital inputs, outputs and buttons by their words."""
+"""Levels of digital inputs, outputs and buttons by their names."""
 
 
 def name_value_pairs(texts: list[str]) -> dict[str, str]:
-    """Return NAME=VALUE texts as a mapping; InputError for another form, or a name given twice."""
+    """Parse NAME=VALUE texts; raise InputError for another form, or a name that is given twice."""
     pairs: dict[str, str] = {}
     for text in texts:
         name, separator, value = text.partition("=")
@@ -28,18 +25,18 @@ def name_value_pairs(texts: list[str]) -> dict[str, str]:
     return pairs
 
 
-def check_bitrate(bitrate: int, told: str) -> None:
-    """Raise InputError for a bit rate that no bus has; `told` names key and value."""
+def check_bitrate(bitrate: int, given: str) -> None:
+    """Raise InputError for an unsupported bit rate; `given` is key and value for the message."""
     if bitrate not in BITRATES:
-        raise InputError(f"{told} is not one of {', '.join(map(str, BITRATES))}")
+        raise InputError(f"{given} is not one of {', '.join(map(str, BITRATES))}")
 
 
 EXAMPLE_PORT: Final = 29537
-"""TCP port in examples; each served board has the one that it is given."""
+"""TCP port in examples; a served board uses the port that its user gives."""
 
 
 class Stuck(StrEnum):
-    """How a switch sticks; a free one follows the machine."""
+    """Level at which a switch is stuck; a free one follows the machine."""
 
     CLOSED = "closed"
     OPEN = "open"
@@ -51,7 +48,7 @@ SWITCHES: Final = {
     "+": DigitalInput.POSITIVE_LIMIT,
     "home": DigitalInput.HOME,
 }
-"""The switches along a joint by the names that requests give them."""
+"""Switches of a joint by their names in requests."""
 
 STATE: Final = "state"
-"""The request of the control port that does nothing: it asks how the machine is."""
+"""Request of the control port that only reads the machine's state."""

@@ -1,25 +1,25 @@
-"""The exceptions of the host, each with the exit code of the command line."""
+"""Exceptions of the host, each with the exit code of the command line."""
 
 from typing import ClassVar, Self
 
 
 class StepTwinError(Exception):
-    """Base of the errors that the command line reports in one line, before it ends with their `exit_code`.
+    """Base of the errors that the command line reports in one line before it ends with their `exit_code`.
 
-    Some have a second text for an operator at the panel, who knows joints and buttons but neither bus nor commands.
+    Some have a second text for operators at the panel, who know joints and buttons but not the bus or commands.
     """
 
     exit_code: ClassVar[int] = 1
     _plain: str | None = None
 
     def plainly(self, text: str) -> Self:
-        """Give the error the text for an operator; return the error, to be raised."""
+        """Set the text for an operator; return the error, to be raised."""
         self._plain = text
         return self
 
     @property
     def plain(self) -> str:
-        """The event and what to do, for an operator; the message itself, unless `plainly` has given another."""
+        """Text for an operator: the event and the remedy; the message, if `plainly` has set no other text."""
         return self._plain or str(self)
 
 
@@ -35,7 +35,7 @@ class InputError(StepTwinError):
     """The input is wrong; the message names the value, the limit and the nearest valid choice.
 
     Attributes:
-        messages: everything that was found wrong, at least one message; the error's text is the first.
+        messages: one message for each error, at least one; the first is the text of this exception.
     """
 
     exit_code = 2
@@ -52,7 +52,7 @@ class DeviceFaultError(StepTwinError):
 
 
 class WaitTimeoutError(DeviceFaultError):
-    """An input did not get its level in time: something around the machine has not happened; it stands at rest."""
+    """An input did not reach its level in time: an external event is missing; the machine is at standstill."""
 
 
 class BusError(StepTwinError):

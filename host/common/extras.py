@@ -1,4 +1,4 @@
-"""Say how an extra that is missing gets installed, by how StepTwin itself was installed."""
+"""Return the command that installs a missing extra, depending on how StepTwin was installed."""
 
 import json
 import os
@@ -12,9 +12,9 @@ _NAME: Final = "steptwin"
 
 
 def installing(*extras: str) -> str:
-    """Return the command that installs extras where it is typed, such as `pip install 'steptwin[plot]'`.
+    """Return the command that installs extras, such as `pip install 'steptwin[plot]'`.
 
-    In a checkout that is the checkout's own folder; of a package from a file or a repository it is that again.
+    It names the folder of a checkout, or the file or repository from which the package was installed.
     """
     wanted = f"[{','.join(extras)}]"
     checkout = _checkout()
@@ -27,13 +27,13 @@ def installing(*extras: str) -> str:
 
 
 def _checkout() -> Path | None:
-    """Return the folder of the checkout in which this package is, if it is in one."""
+    """Return the folder of the checkout that contains this package; None if there is none."""
     folder = Path(__file__).resolve().parents[2]
     return folder if (folder / "pyproject.toml").is_file() and (folder / _NAME).is_dir() else None
 
 
 def _source() -> str:
-    """Return the address from which the package was installed (PEP 610); empty if it was the index."""
+    """Return the address from which the package was installed (PEP 610); empty for the index."""
     try:
         text = distribution(_NAME).read_text("direct_url.json")
         document = json.loads(text) if text else {}
@@ -45,7 +45,7 @@ def _source() -> str:
 
 
 def _pip() -> str:
-    """Return how pip is called for this Python: by its name only if that is this Python's, as in an active venv."""
+    """Return the pip command of this Python: `pip` only if that belongs to it, as in an active venv."""
     found = shutil.which("pip")
     if sys.prefix == sys.base_prefix or (found and Path(found).parent == Path(sys.executable).parent):
         return "pip"

@@ -72,52 +72,52 @@ class MachinePart:
         """Return the network by which a host in this process is connected to the bus; None for the usual one."""
 
     def outlive(self, board: "EmbeddedBoard", error: "BusError") -> "RunFault | None":
-        """Let a machine in motion go on without its host, if the part has ended that; return how the run has ended."""
+        """Continue a machine in motion without its host, if the part has ended the host; return the end of the run."""
 
     def evidence(self) -> Any:
-        """Look now; return what has happened since power-up; None for nothing, or if a run's end decides."""
+        """Return the evidence since power-up; None if there is none, or if it is complete only at a run's end."""
 
     def seen(self) -> Any:
-        """Return what has happened up to the last look; None for nothing."""
+        """Return the evidence up to the last call of `evidence`; None if there is none."""
 
     def settled(self, last_counts: int) -> Any:
-        """Return what shows only some time after a run's last edge, which was at an instant; None if nothing does.
+        """Return evidence that is complete only some time after a run's last edge; None if there is none.
 
-        Boards and bus stand still meanwhile. What another feature has done to the run does not excuse what it shows.
+        Boards and bus do not change meanwhile. An effect of another feature on the run does not excuse this evidence.
         """
 
     def end_round(self) -> None:
-        """Forget what a board that is served for months need not remember."""
+        """Drop old data, so a board that is served for months needs bounded memory."""
 
     def described(self) -> Sequence[str]:
-        """Return a line for each thing that the machine of a served board has besides its boards."""
+        """Return one line for each further device in the machine of a served board."""
         return ()
 
     def state(self) -> Mapping[str, Any]:
-        """Return what a control port tells of it at any time, under keys of its own."""
+        """Return its state for a control port, under its own keys."""
         return {}
 
     def document(self) -> Mapping[str, Any]:
-        """Return what has happened so far under keys of report.json, without a judgement."""
+        """Return the evidence so far under keys of report.json, without a judgement."""
         return {}
 
     def in_words(self) -> str:
-        """Return what has happened so far in lines, for the report of a failed test; empty if there is nothing."""
+        """Return the evidence so far as text lines, for the report of a failed test; empty if there is none."""
         return ""
 
     def verdict(self, end: "RunEnd") -> "RunVerdict | None":
-        """Judge a run that ends now by what the part has done to it; None if it has done nothing."""
+        """Judge a run at its end by the effects of the part on it; None if it had none."""
 
 
 class FeatureJudge(Protocol):
-    """Judges a feature's evidence; `expected` is what `Feature.expected` has returned, None if that is nothing."""
+    """Judges a feature's evidence; `expected` is the result of `Feature.expected`, or None."""
 
     def reasons(self, evidence: Any, expected: Any, start_counts: int) -> list[str]:
         """Return one line for each reason to fail the run; `start_counts` is the motion's t = 0."""
         ...
 
     def document(self, evidence: Any, start_counts: int) -> dict[str, Any]:
-        """Return what stands under the feature's name in report.json; times are the trajectory's."""
+        """Return the value under the feature's name in report.json; times are trajectory times."""
         ...
 
     def contradictions(self, evidence: Any, comparison: "Comparison") -> Iterable[str]:
@@ -125,23 +125,23 @@ class FeatureJudge(Protocol):
         ...
 
     def stored(self, evidence: Any, expected: Any, start_counts: int) -> dict[str, Any]:
-        """Return what the file NAME.json of a run folder holds."""
+        """Return the content of the file NAME.json in a run folder."""
         ...
 
     def read(self, table: "Table") -> tuple[Any, Any]:
-        """Return evidence and expectation from that file; raise InputError for what is wrong in it."""
+        """Return evidence and expectation from NAME.json; raise InputError for errors in it."""
         ...
 
 
 class LiveWords(Protocol):
-    """What a feature says of a served board on which it has a part."""
+    """A feature's texts about a served board on which it has a part."""
 
     def banner(self) -> str:
-        """Return what the machine has besides, in words; empty for nothing."""
+        """Return a description of the feature's part of the machine; empty for none."""
         ...
 
     def warnings(self, seen: Any) -> Iterable[str]:
-        """Return what is to be told while the board runs, each line once, from what the part has seen."""
+        """Return warnings while the board runs, each line once, from the part's evidence."""
         ...
 
     def print_report(self, document: Mapping[str, Any]) -> None:
@@ -150,10 +150,10 @@ class LiveWords(Protocol):
 
 
 class DriveModel(Protocol):
-    """What a feature knows of a machine's drives beside the limits of its joints."""
+    """A feature's model of a machine's drives, in addition to the joints' limits."""
 
     def limits(self, robot: "Robot", left_percent: float) -> "DriveLimits":
-        """Return what limits fastest motions, so that some percent of the drives' torque are left.
+        """Return the limits of fastest motions that leave `left_percent` of the drives' torque.
 
         Raises:
             InputError: the robot's file does not describe its drives.
@@ -161,43 +161,43 @@ class DriveModel(Protocol):
         ...
 
     def forecast(self, robot: "Robot", motion: "Trajectory") -> str | None:
-        """Return what to say of a motion before it runs that nobody has limited by the drives; None for nothing."""
+        """Return a warning about a motion, not planned with the drives' limits, before it runs; None for none."""
         ...
 
     def highest_speed(self, plan: "Plan", percent: int) -> "HighestSpeed | None":
-        """Return the highest speed up to a percentage that the drives hold; None if they are not described."""
+        """Return the highest speed, up to a percentage, that the drives allow; None if they are not described."""
 
 
 class ControlRequests(Protocol):
-    """A feature's requests of the control port, by which programs operate the machine of a served board."""
+    """A feature's requests of the control port of a served board."""
 
     @property
     def names(self) -> Sequence[str]:
-        """The values of their key `do`, in the order of help and docs."""
+        """Values of their key `do`, in the order of help and docs."""
         ...
 
     def answer(self, board: "LiveBoard", request: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Do what is requested; return what is told beside the machine's state.
+        """Execute a request; return its answer in addition to the machine's state.
 
         Raises:
-            InputError: the request has other keys or values, or the machine lacks what it concerns.
+            InputError: the request has unknown keys or invalid values, or the machine lacks its target.
         """
         ...
 
     def written(self, robot: "Robot", operation: "Operation") -> Mapping[str, Any] | None:
-        """Return the request that asks for an operation; None if there is none."""
+        """Return the request for an operation; None if there is none."""
         ...
 
 
 class FileKind(NamedTuple):
-    """A kind of file that `steptwin check` knows.
+    """A kind of file that `steptwin check` supports.
 
     Attributes:
-        name: what it is, in a word.
-        keys: keys by which it is known: a file of this kind has any of them.
-        check: checks a text, from the file's path, the text, the robot given, and the list for what is wrong.
-        bytes_max: greatest length.
-        mark: what the text of a file has that may be longer than a program; None if none may.
+        name: name of the kind.
+        keys: keys that identify it: a file of this kind has at least one of them.
+        check: checks a file, from its path, its text, the given robot, and the list of errors.
+        bytes_max: largest size.
+        mark: pattern in the text of a file that may be larger than a program; None if no file may.
     """
 
     name: str
@@ -208,14 +208,14 @@ class FileKind(NamedTuple):
 
 
 class Telling(Protocol):
-    """Prints what a feature's keys of a document say; of a document without them it prints nothing."""
+    """Prints a feature's keys of a document; nothing for a document without them."""
 
     def print_run(self, document: Mapping[str, Any]) -> None:
-        """Print it for a run in virtual time."""
+        """Print the keys of a run in virtual time."""
         ...
 
     def print_served(self, document: Mapping[str, Any]) -> None:
-        """Print it for a served board."""
+        """Print the keys of a served board."""
         ...
 
     def print_verified(self, document: Mapping[str, Any]) -> None:
@@ -227,7 +227,7 @@ class Telling(Protocol):
         ...
 
     def served_failure(self, document: Mapping[str, Any]) -> str:
-        """Return why a served board's end is no success; empty if it is one."""
+        """Return the reason why a served board has failed; empty for success."""
         ...
 
 
@@ -236,14 +236,14 @@ COMMAND_GROUPS: Final = ("Robots and maths", "Run and verify", "Live board", "Fi
 
 
 class CommandRow(NamedTuple):
-    """A command of the command line, whose module is imported when it is called.
+    """A command of the command line; its module is imported when it is called.
 
     Attributes:
-        name: its name.
+        name: name of the command.
         group: one of `COMMAND_GROUPS`.
         help: its line in `steptwin --help`: the summary of its docstring.
-        module: the module with its function, which has the command's name, with `_` for `-`.
-        usual: False for one that `steptwin --help` lists by its name alone: it shows at most ten a group.
+        module: module of its function, which has the command's name, with `_` for `-`.
+        usual: False if `steptwin --help` lists only its name, because each group shows at most ten commands.
     """
 
     name: str
@@ -254,7 +254,7 @@ class CommandRow(NamedTuple):
 
 
 MakePart = Callable[["Robot", Sequence[float], Sequence[int], Any, Collection[str] | None], MachinePart | None]
-"""Makes a feature's part of one emulated machine; `Feature` says of what."""
+"""Creates a feature's part of one emulated machine; see `Feature.part` for the arguments."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -347,7 +347,7 @@ class Feature:
 
 @cache
 def registered() -> tuple[Mapping[str, Feature], Mapping[str, str]]:
-    """Return the features, and why others cannot be loaded, both by name and in the order of their names."""
+    """Return the features, and the reasons why others cannot be loaded, both by name in alphabetical order."""
     found: dict[str, Feature] = {}
     broken: dict[str, str] = {}
     for point in sorted(entry_points(group=GROUP), key=lambda each: each.name):
@@ -366,17 +366,17 @@ def _origin(point: EntryPoint) -> str:
 
 
 def features() -> Mapping[str, Feature]:
-    """Return the features that are installed, by name."""
+    """Return the installed features by name."""
     return registered()[0]
 
 
 def broken_features() -> Mapping[str, str]:
-    """Return why a registered feature cannot be loaded, in a sentence, by its name."""
+    """Return the reasons why registered features cannot be loaded, by name."""
     return registered()[1]
 
 
 def giving(attribute: str) -> list[tuple[Feature, Any]]:
-    """Return each feature that has an attribute, with the attribute."""
+    """Return all features that have an attribute, with its value."""
     return [(each, given) for each in features().values() if (given := getattr(each, attribute)) is not None]
 
 
@@ -388,5 +388,5 @@ def judge_of(name: str) -> FeatureJudge:
 
 
 def drive_model() -> DriveModel | None:
-    """Return what is known of machines' drives; None if no feature knows any."""
+    """Return the model of machines' drives; None if no feature has one."""
     return next((make() for _, make in giving("drive_model")), None)

@@ -1,7 +1,7 @@
-"""Limits on the files that the host reads, so that no file takes more memory or time than its size explains.
+"""Limits of the files that the host reads, so that no file can use excessive memory or time.
 
-A reader checks them before it takes the memory. They are far above what StepTwin itself writes; the reason stands
-beside each.
+A reader checks them before it uses the memory. They are far above the files that StepTwin writes; each has its reason
+beside it.
 """
 
 from typing import Final
@@ -92,7 +92,7 @@ ARRAYS_BYTES_FREE: Final = 16 * MIB
 
 
 def size_text(size_bytes: int) -> str:
-    """Return a size in the largest unit that it has at least one of."""
+    """Format a size with the largest unit that does not exceed it."""
     for unit, name in ((GIB, "GiB"), (MIB, "MiB"), (KIB, "KiB")):
         if size_bytes >= unit:
             return f"{size_bytes / unit:.4g} {name}"
@@ -100,6 +100,6 @@ def size_text(size_bytes: int) -> str:
 
 
 def check_size(size_bytes: int, limit_bytes: int) -> None:
-    """Raise InputError if a file is longer than its limit."""
+    """Raise InputError if a file is larger than its limit."""
     if size_bytes > limit_bytes:
         raise InputError(f"has {size_bytes} bytes, more than {size_text(limit_bytes)}")

@@ -1,4 +1,4 @@
-"""Listen at a TCP port for clients that drive a board: of this machine, or of others where that is permitted."""
+"""Listen at a TCP port for clients that drive a board: of this machine, or of others if that is allowed."""
 
 import errno
 import socket
@@ -8,11 +8,11 @@ from typing import Final
 from steptwin.host.common.errors import BusError, InputError
 
 PORT: Final = 29536
-"""TCP port that socketcand itself uses."""
+"""Default TCP port of socketcand."""
 CHANNEL: Final = "vcan0"
-"""Name that a served board gives its bus; a real socketcand server has the names of its interfaces."""
+"""Name of a served board's bus; a real socketcand server uses the names of its interfaces."""
 LOOPBACK: Final = "127.0.0.1"
-"""Address where a board is served by default: only programs on the same machine reach it."""
+"""Default address of a served board, which only programs on the same machine can reach."""
 
 
 _PORTS: Final = range(1024, 1 << 16)
@@ -20,7 +20,7 @@ _BACKLOG: Final = 64
 
 
 def listen(host: str, port: int, parameter: str = "port", *, allow_remote: bool = False) -> socket.socket:
-    """Return a socket that listens at an address of this machine; port 0 takes a free one.
+    """Return a socket that listens at an address of this machine; port 0 selects a free one.
 
     Args:
         host: name or address.

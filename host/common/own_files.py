@@ -1,8 +1,8 @@
-"""Open the files that a user has named, and no others: a folder may come from another person and hold links and pipes.
+"""Open only files that a user has named: a folder from another person may contain links and pipes.
 
-What is written never goes through a symbolic link: the link may lead out of the folder. What is read is a file: a pipe
-would make a program wait for ever, and a device has no end. Only in /dev, where links and pipes are the system's, are
-both taken, so that /dev/stdout and a shell's <(...) work.
+Writing never follows a symbolic link, because it may lead out of the folder. Reading accepts files only: a pipe could
+block the program for ever, and a device has no end. In /dev, whose links and pipes belong to the system, both are
+allowed, so /dev/stdout and a shell's <(...) work.
 """
 
 import errno
@@ -48,13 +48,13 @@ def no_links(path: str, flags: int) -> int:
 
 
 def refuse_link(path: Path) -> None:
-    """Raise OSError if a path is a symbolic link, to whatever it leads."""
+    """Raise OSError if a path is a symbolic link."""
     if path.is_symlink() and not _of_the_system(str(path)):
         raise OSError(errno.ELOOP, _LINK, str(path))
 
 
 def made_folder(path: Path) -> Path:
-    """Make a folder inside another, unless it is there, and return it; raise OSError if it is a link or no folder."""
+    """Create a folder if it does not exist, and return it; raise OSError if it is a link or not a folder."""
     refuse_link(path)
     path.mkdir(parents=True, exist_ok=True)
     return path
@@ -77,13 +77,13 @@ def read_text(path: Path | str, bytes_max: int) -> str:
     """Return a file's text; raise InputError, without the path, if it cannot be read, is too long or is not UTF-8."""
     with opened_text(path, bytes_max) as file:
         text = file.read(bytes_max + 1)
-    if len(text) > bytes_max:  # a pipe, whose length nothing tells
+    if len(text) > bytes_max:  # a pipe, whose length is not known before
         raise _too_long("more", bytes_max)
     return text
 
 
 def read_old_text(path: Path | str, bytes_max: int) -> str:
-    """Return a file's text as `read_text` does; what is not UTF-8 is read as older Windows programs write it."""
+    """Return a file's text as `read_text` does; a text that is not UTF-8 is read in the encoding of old Windows."""
     with opened_text(path, bytes_max, "surrogateescape") as file:
         text = file.read(bytes_max + 1)
     if len(text) > bytes_max:
@@ -96,7 +96,7 @@ def read_old_text(path: Path | str, bytes_max: int) -> str:
 
 
 def is_file(path: Path) -> bool:
-    """Return whether a path that a file names is a file; a name that no file can have, such as a long one, is none."""
+    """Return whether a path is a file; False for an impossible name, such as a very long one."""
     try:
         return path.is_file()
     except OSError:
@@ -105,12 +105,12 @@ def is_file(path: Path) -> bool:
 
 @contextmanager
 def opened_text(path: Path | str, bytes_max: int, errors: str = "strict") -> Iterator[TextIO]:
-    """Open a text for the block. A regular file that is too long is refused before anything is read.
+    """Open a text file for the block; refuse a regular file that is too long before reading it.
 
-    A byte order mark at its beginning, as Windows' programs write it, is left out. `errors` is as for `open`.
+    A byte order mark at its beginning, as of Windows programs, is skipped. `errors` is as for `open`.
 
     Raises:
-        InputError: the file cannot be read, by the block either, is too long or is not UTF-8; without the path.
+        InputError: the file cannot be read, also by the block, is too long or is not UTF-8. The message has no path.
     """
     try:
         with open(path, encoding=_ENCODING, errors=errors, opener=only_files) as file:

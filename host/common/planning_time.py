@@ -1,8 +1,8 @@
-"""Bound the processor time that planning takes: what cannot be planned within it ends with a sentence.
+"""Limit the processor time of planning; a plan that needs more ends with an error message.
 
-Whatever plans is a block of `in_planning_time`, and each of its loops that an input can make long calls
-`check_planning_time`. The outermost of such blocks counts. `plan_within` gives all those in it one bound together. Only
-the processor time of the own thread counts, so a busy computer changes nothing.
+Planning runs in a block of `in_planning_time`. Each loop that can be long calls `check_planning_time`. In nested blocks
+the outermost counts. `plan_within` sets one limit for all blocks in it. Only the processor time of the present thread
+counts, so a busy computer has no effect.
 """
 
 import time
@@ -16,24 +16,24 @@ from typing import Final
 from steptwin.host.common.errors import InputError
 
 PLANNING_S: Final = 60.0
-"""Usual bound in s: the longest job takes a few seconds, a program of 5000 steps less than a minute."""
+"""Default limit in s: the longest job takes a few seconds, a program of 5000 steps less than a minute."""
 
 
 class PlanningTimeError(InputError):
-    """Something could not be planned within the time for it; the message names the step."""
+    """Planning has exceeded its time limit; the message names the step."""
 
 
 @dataclass(slots=True)
 class _Clock:
-    """The time that planning has.
+    """The time limit of planning.
 
     Attributes:
-        bound_s: the time.
-        now_s: the processor time of the thread.
-        thread: the thread.
-        steps: what is being planned, the innermost last.
-        until_s: the time of `now_s` at which it is over; None while nothing is planned.
-        error: the error once it is over.
+        bound_s: the limit.
+        now_s: returns the processor time of the thread.
+        thread: identifier of the thread.
+        steps: names of the present planning steps, the innermost last.
+        until_s: value of `now_s` at which the limit is exceeded; None while nothing is planned.
+        error: error after the limit is exceeded.
     """
 
     bound_s: float
@@ -60,7 +60,7 @@ class _Clock:
 
     @contextmanager
     def runs(self) -> Iterator[None]:
-        """Count the time of the block; an error that it has hidden comes at its end."""
+        """Measure the time of the block; if the block has hidden the error, raise it at its end."""
         self.until_s = self.now_s() + self.left_s
         try:
             yield
@@ -78,7 +78,7 @@ _CLOCK: ContextVar[_Clock | None] = ContextVar("planning clock", default=None)
 
 
 def _present() -> _Clock | None:
-    """Return the clock of this thread; a thread that takes over the context of another one has none of its own."""
+    """Return the clock of this thread; None in a thread that has inherited the context of another one."""
     clock = _CLOCK.get()
     return clock if clock is not None and clock.thread == get_ident() else None
 
@@ -90,9 +90,9 @@ def processor_s() -> float:
 
 @contextmanager
 def plan_within(seconds: float = PLANNING_S, now_s: Callable[[], float] = processor_s) -> Iterator[None]:
-    """Bound the processor time, in s, that all planning in the block takes together; other work does not count.
+    """Limit the total processor time, in s, of all planning in the block; other work does not count.
 
-    `now_s` tells the processor time of this thread. Raises InputError unless the bound is above 0.
+    `now_s` returns the processor time of this thread. Raises InputError if the limit is not above 0.
     """
     if not seconds > 0:
         raise InputError(f"plan_within={seconds:g}: is not above 0")
@@ -105,9 +105,9 @@ def plan_within(seconds: float = PLANNING_S, now_s: Callable[[], float] = proces
 
 @contextmanager
 def in_planning_time() -> Iterator[None]:
-    """Let the block, or the function that this decorates, be planning, within the bound around it or the usual one.
+    """Mark a block, or a decorated function, as planning, with the limit around it or the default one.
 
-    Raises PlanningTimeError when the time is over; nothing in the block hides it, as it comes at the end at the latest.
+    Raises PlanningTimeError when the limit is exceeded, at the latest at the end of the block.
     """
     clock = _present()
     if clock is None:
@@ -122,7 +122,7 @@ def in_planning_time() -> Iterator[None]:
 
 @contextmanager
 def planning_step(what: str) -> Iterator[None]:
-    """Name what the block plans, such as `step 3 (go pick)`, for the error when the time is over."""
+    """Name the planning step of the block, such as `step 3 (go pick)`, for the error message."""
     clock = _present()
     if clock is None:
         yield
@@ -135,7 +135,7 @@ def planning_step(what: str) -> Iterator[None]:
 
 
 def check_planning_time() -> None:
-    """Raise PlanningTimeError if the time is over; outside of planning there is no bound."""
+    """Raise PlanningTimeError if the limit is exceeded; outside of planning there is no limit."""
     clock = _present()
     if clock is not None:
         clock.check()

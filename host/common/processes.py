@@ -1,4 +1,4 @@
-"""Garbage collection and signals of StepTwin's own programs, and a clock that a slow computer holds up."""
+"""Garbage collection and signals of StepTwin's programs, and reports about a slow computer."""
 
 import gc
 import signal
@@ -9,12 +9,12 @@ from types import FrameType
 from typing import Final
 
 WORTH_TELLING_MS: Final = 100.0
-"""Time for which the board's clock must have stood to be worth a warning; the next comes at twice the time told."""
+"""Total pause of the board's clock that causes a warning; the next warning follows at twice the reported time."""
 
 
 @dataclass(frozen=True, slots=True)
 class ClockStood:
-    """The stops of a board's clock since power-up: their number, and milliseconds of the wall clock."""
+    """Pauses of a board's clock since power-up: number, total and longest, in milliseconds of the wall clock."""
 
     count: float
     total_ms: float
@@ -29,13 +29,13 @@ class ClockStood:
 
 
 class Slowness:
-    """Decides when it is worth telling: once, and again each time the time lost has doubled."""
+    """Decides when to warn: once, and again each time the lost time has doubled."""
 
     def __init__(self) -> None:
         self._worth_ms = WORTH_TELLING_MS
 
     def worth_telling(self, stood: ClockStood) -> bool:
-        """Return whether enough time has been lost since this was True the last time."""
+        """Return whether enough time has been lost since the last warning."""
         if stood.total_ms < self._worth_ms:
             return False
         self._worth_ms = 2.0 * stood.total_ms
@@ -43,14 +43,14 @@ class Slowness:
 
 
 _ENDS: Final = ("SIGINT", "SIGTERM", "SIGBREAK")
-"""What asks a program to end: Ctrl-C, a service, and on Windows Ctrl-Break, since nothing sends SIGTERM there."""
+"""Signals that request a program's end: Ctrl-C, a service, and on Windows, which has no SIGTERM, Ctrl-Break."""
 
 
 @contextmanager
 def on_signals(handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
-    """Call a function at each SIGINT, SIGTERM and SIGBREAK while the block runs, instead of ending the program.
+    """Call a function at each SIGINT, SIGTERM and SIGBREAK during the block, instead of ending the program.
 
-    It gets the signal's number and the frame that was interrupted. Only the main thread may use this.
+    It receives the signal's number and the interrupted frame. Only the main thread may use this.
     """
     before = {number: signal.signal(number, handler) for number in _numbers(_ENDS)}
     try:
@@ -66,24 +66,24 @@ def _numbers(names: Iterable[str]) -> list[int]:
 
 
 _YOUNG_OBJECTS_OF_A_RUN: Final = 50_000
-"""Number of new objects between two collections: as many as a run makes and some more, and nearly all of them stay."""
+"""New objects between two collections in a run: more than a run creates, because nearly all of them stay."""
 _YOUNG_OBJECTS_OF_A_SERVER: Final = 700
-"""Python's own choice: each collection is short, and what is left of a closed page does not wait for a hundred more."""
+"""New objects between two collections in a server, as Python's default: collections are short and frequent."""
 
 
 def collect_seldom() -> None:
-    """Let a program's process collect garbage seldom; a program that uses StepTwin as a library decides for itself.
+    """Make garbage collection rare in StepTwin's own programs; Python's default costs a seventh of a run.
 
-    Python's default costs a seventh of a run.
+    A program that uses StepTwin as a library decides for itself.
     """
     gc.set_threshold(_YOUNG_OBJECTS_OF_A_RUN)
 
 
 @contextmanager
 def collecting_often() -> Iterator[None]:
-    """Collect garbage often and shortly while a server answers: it must do so in time, and runs for days.
+    """Make garbage collections frequent and short in the block, because a server must answer in time for days.
 
-    What was there before is spared: numba and web frameworks leave so much that each collection of it would be felt.
+    Objects from before the block are excluded: numba and web frameworks leave so many that a collection would be slow.
     """
     before = gc.get_threshold()
     gc.freeze()

@@ -1,6 +1,6 @@
-"""Write files so that they appear whole or not at all, or grow; an error names the file, and no link is followed.
+"""Write files atomically, or append to them; an error names the file, and no symbolic link is followed.
 
-Files that belong together appear together, so that none stands beside one of an older set.
+Files that belong together appear together, so none is beside a file of an older set.
 """
 
 import json
@@ -16,16 +16,16 @@ from typing import Any, BinaryIO, Final
 from steptwin.host.common.own_files import no_links, refuse_link
 
 _STEM_CHARS: Final = 100
-"""Characters of a name that its part has, too, so that the part's name is not too long for the system."""
+"""Characters of a file's name in the name of its temporary file, so this name is not too long for the system."""
 
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[BinaryIO]:
     """Open a file for writing that appears under its name, or replaces an older one, when the block ends normally.
 
-    Until then it is in the same folder under a name that no one can foresee; an exception in the block deletes it. A
-    pipe that is read and a device are written to directly. If the file cannot be written, or its name is a symbolic
-    link, OSError names `path`.
+    Until then it is in the same folder under an unpredictable name; an exception in the block deletes it. Pipes with a
+    reader and devices are written directly. If the file cannot be written, or its name is a symbolic link, OSError
+    names `path`.
     """
     try:
         if path.exists() and not path.is_file():
@@ -40,7 +40,7 @@ def whole_file(path: Path) -> Iterator[BinaryIO]:
 
 @contextmanager
 def replacement(path: Path) -> Iterator[Path]:
-    """Yield an empty file to be written in the block, which then becomes `path`; an exception in the block deletes it.
+    """Yield an empty file that becomes `path` when the block ends normally; an exception in the block deletes it.
 
     Raises:
         OSError: `path` is a symbolic link, or cannot be written.
@@ -58,15 +58,15 @@ def replacement(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def files_together(folder: Path, first: str = "", stale: Iterable[str] = ()) -> Iterator[Path]:
-    """Yield an empty folder for files that take their places in `folder` when the block ends normally.
+    """Yield an empty folder for files that are moved to `folder` when the block ends normally.
 
-    An exception in the block, such as for a full disk, leaves `folder` as it was; of an OSError the file is named as
-    it would be called.
+    An exception in the block, such as for a full disk, does not change `folder`. An OSError names the final path of the
+    file.
 
     Args:
         folder: an existing folder.
-        first: name of the file that takes its place before the others.
-        stale: names of files in `folder` that are removed then, unless the block has written them.
+        first: name of the file that is moved before the others.
+        stale: names of files in `folder` that are then removed, unless the block has written them.
     """
     new = folder / f"new.{secrets.token_hex(8)}.part"
     try:
@@ -89,11 +89,11 @@ def files_together(folder: Path, first: str = "", stale: Iterable[str] = ()) -> 
 
 _TRIES: Final = 20
 _PAUSE_S: Final = 0.1
-"""How often and how long a file is waited for that another program has open on Windows, as viewers and scanners do."""
+"""Number of tries, and pause between them, for a file that another program has open on Windows."""
 
 
 def _put(part: Path, path: Path) -> None:
-    """Give a file its name. Only Windows refuses that while another program has the older file open."""
+    """Rename a temporary file. Only Windows refuses that while another program has the older file open."""
     for left in reversed(range(_TRIES)):
         try:
             part.replace(path)
@@ -108,11 +108,11 @@ def _put(part: Path, path: Path) -> None:
 
 _ACCESS_DENIED: Final = 5
 _SHARING_VIOLATION: Final = 32
-"""Windows' error codes for a name that another program has open (winerror.h)."""
+"""Windows' error codes for a file that another program has open (winerror.h)."""
 
 
 def append(path: Path, data: bytes) -> None:
-    """Append to a file, made if missing; if not all can be written, or it is a link, OSError names `path`."""
+    """Append to a file, which is created if missing; if that fails, or it is a link, OSError names `path`."""
     try:
         with open(path, "ab", opener=no_links) as file:
             file.write(data)

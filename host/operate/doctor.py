@@ -1,4 +1,4 @@
-"""Check whether a machine is fit to move, one check after the other."""
+"""Check whether a machine is ready to move."""
 
 from collections.abc import Iterator
 from typing import Final, NamedTuple
@@ -25,16 +25,16 @@ class Check(NamedTuple):
     """The result of one check."""
 
     name: str
-    """The axis and the thing checked."""
+    """Axis and checked property."""
     passed: bool
     found: str
-    """The value found, or the fault and its remedy."""
+    """Measured value, or the fault and its remedy."""
     exit_code: int = DeviceFaultError.exit_code
-    """The command line's exit code if this is the worst check that failed."""
+    """Exit code of the command line if this is the most severe failed check."""
 
 
 def examine(session: Session) -> Iterator[Check]:
-    """Make all checks; nothing on the machine changes.
+    """Make all checks without changing the machine.
 
     Raises:
         InputError: a trajectory is running; SDO requests would disturb the program that streams it.
@@ -55,7 +55,7 @@ def examine(session: Session) -> Iterator[Check]:
 
 
 def _answers(session: Session, axis: AxisClient) -> Check:
-    """Check that an axis answers, and say what it is; its own name tells nothing of drivers that are no TB6560s."""
+    """Check that an axis answers, and report its device type and driver."""
     name = f"{axis.name} node 0x{axis.node_id:02X}"
     try:
         device_type = axis.read(od.DEVICE_TYPE)
@@ -73,7 +73,7 @@ def _answers(session: Session, axis: AxisClient) -> Check:
 
 
 def _robot(session: Session, axis: AxisClient) -> Check:
-    """Check whose axis it is; one that carries no name passes."""
+    """Check the robot name that the axis stores; an axis without a name passes."""
     expected, found = stored_name(session.robot.name), axis.read_text(od.ROBOT_NAME)
     says = found or "the axis carries no robot's name (docs/canopen.md)"
     if found and found != expected:
@@ -105,8 +105,8 @@ def _drive(axis: AxisClient) -> Check:
 def _settings(session: Session, axis: AxisClient) -> Check:
     """Check the microsteps of driver, board and robot file.
 
-    A drive takes those of the file only while its power is off: then the next motion writes them. A module's switches
-    stay as they are.
+    The next motion writes the file's microsteps to the board, but only if the power of the drive is off. The switches
+    of a module cannot be changed by program.
     """
     driven = session.robot.axes[session.robot.axis_index(axis.name)]
     name, filed = f"{axis.name} settings", axis_settings(driven, session.robot.board).microsteps
@@ -124,7 +124,7 @@ def _settings(session: Session, axis: AxisClient) -> Check:
 
 
 def _units(axis: AxisClient) -> Check:
-    """Check that the axis takes and reports positions in wire units, as this program does."""
+    """Check that the axis uses wire units, as this program does."""
     units = read_units(axis)
     if units.are_wire_units:
         return Check(f"{axis.name} units", True, str(units))
@@ -133,7 +133,7 @@ def _units(axis: AxisClient) -> Check:
 
 
 def _driver_microsteps(axis: AxisClient) -> int | None:
-    """Read the microsteps that the driver makes; None from a real board, which does not know them."""
+    """Read the driver's microsteps; None from a real board, which does not know them."""
     try:
         return axis.read(od.DRIVER_MICROSTEPS)
     except DeviceFaultError:
@@ -147,13 +147,13 @@ def _inputs(axis: AxisClient) -> Check:
 
 
 def _supply(session: Session, axis: AxisClient) -> Check:
-    """Check the supply against what the board guards, and against what the drivers of the robot's file take."""
+    """Check the supply against the limits of the board and of the drivers in the robot file."""
     supply_v, least_v, most_v = (
         axis.read(address) / 100 for address in (od.SUPPLY_VOLTAGE, od.SUPPLY_VOLTAGE_MIN, od.SUPPLY_VOLTAGE_MAX)
     )
     says, board = f"{supply_v:.2f} V, {least_v:g} to {most_v:g} V allowed", session.robot.board
     passed = least_v <= supply_v <= most_v
-    if board.driver_profile not in (None, GENERIC):  # generic drivers' supply is not in the file
+    if board.driver_profile not in (None, GENERIC):  # a generic driver has no supply range in the file
         lowest_v, highest_v = board.profile.chip.supply_v.value
         says += f"; {board.driver_profile} takes {lowest_v:g} to {highest_v:g} V"
         passed &= lowest_v <= supply_v <= highest_v

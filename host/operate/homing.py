@@ -1,4 +1,4 @@
-"""Home a live machine by its switches, or declare where it stands."""
+"""Home a live machine by its switches, or declare its position."""
 
 from collections.abc import Collection
 from dataclasses import replace
@@ -19,16 +19,19 @@ from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
 _TIMEOUT_MARGIN = 2.0
 _LATENCY_S = 0.05
-"""Bound of the delay before a stop begins: the profile segment in execution lasts up to 31 ms."""
+"""Bound of the delay before a stop begins: the present profile segment lasts up to 31 ms."""
 
 
 def homing_settings(
     joint: Joint, per_unit: float = 1.0, by_others: float = 0.0, drive: Transmission | None = None
 ) -> HomingSettings | None:
-    """Return the homing settings of an axis that moves a joint; None if the robot's file has no homing for the joint.
+    """Return the homing settings of an axis that moves a joint; None if the robot file has no homing for the joint.
 
-    For a coupled axis, `per_unit` is its way for one unit of the joint's, and `by_others` the part of its position that
-    the other joints make where they stand. `drive` is its transmission if it is not the joint's own axis.
+    Args:
+        joint: the joint.
+        per_unit: travel of a coupled axis per unit of the joint.
+        by_others: part of a coupled axis' position that the other joints cause at their present positions.
+        drive: transmission of the axis; None for the joint's own axis.
     """
     homing = joint.homing
     if homing is None:
@@ -46,9 +49,9 @@ def homing_settings(
 
 
 def _offset_units(joint: Joint, transmission: Transmission, per_unit: float, by_others: float) -> int:
-    """Return the axis' position of the step where the edge is seen; the joint's is 0 if home is where it stands.
+    """Return the axis' position at the step of the edge; the joint's position is 0 if home is its present position.
 
-    A switch is closed on the step at its edge: it is seen to close there, and to open one step farther.
+    A switch is closed on the step at its edge: it closes at this step, and opens one step farther.
     """
     method = HOMING_METHODS[joint.homing.method] if joint.homing else None
     edge = joint.switches.edge(method) if method else None
@@ -60,7 +63,7 @@ def _offset_units(joint: Joint, transmission: Transmission, per_unit: float, by_
 
 
 def _longest_s(joint: Joint, homing: JointHoming) -> float:
-    """Return an upper bound: three travels at search speed, all ramps, and one braking distance at zero speed."""
+    """Return a bound of the homing time: three travels at search speed, all ramps, a braking distance at low speed."""
     switches, speed = joint.switches, homing.search_speed
     bottom = joint.lower if switches.negative_limit is None else switches.negative_limit
     top = joint.upper if switches.positive_limit is None else switches.positive_limit
@@ -77,18 +80,22 @@ def home_robot(
     stay: bool = False,
     progress: Progress = lambda _: None,
 ) -> list[AxisState]:
-    """Home the joints as the robot's file says, one after the other or all together, then move to its home position.
+    """Home joints by the settings of the robot file, then move to the robot's home position.
 
-    `joints` names those to home, by default all; the others stay. An axis that is coupled to other joints is homed
-    after these, because its home depends on where they stand.
+    An axis that is coupled to other joints is homed after them, because its home depends on their positions.
 
-    With `stay` the axes stay where homing ends. `progress` is called with the part of the joints that is homed.
+    Args:
+        session: the machine.
+        joints: names of the joints to home; None for all.
+        together: True to home all joints at the same time, False one after the other.
+        stay: True to skip the move to the home position.
+        progress: called with the fraction of the homed joints.
 
     Raises:
-        InputError: the file has no homing for a joint or there is no such joint, or a program that claims no charge
-            moves the machine.
-        DeviceFaultError: a homing failed, a drive is in fault or was stopped, or a joint that stays does not know its
-            position although a home depends on it.
+        InputError: a joint does not exist or has no homing in the file, or a program that has not claimed the machine
+            moves it.
+        DeviceFaultError: a homing has failed, a drive is in fault or was stopped, or a home depends on a joint that is
+            not homed and has no position reference.
         BusError: another program is in charge, or a node does not answer.
     """
     robot = session.robot
@@ -110,7 +117,7 @@ def home_robot(
 
 
 def check_homing(robot: Robot, names: Collection[str]) -> set[int]:
-    """Return the joints of these names; raise InputError for none, an unknown one or one that cannot be homed."""
+    """Return the joints of these names; raise InputError for no name, an unknown joint or one without homing."""
     if not names:
         raise InputError("home: names no joint")
     chosen = {robot.index_of(name) for name in names}
@@ -122,7 +129,7 @@ def check_homing(robot: Robot, names: Collection[str]) -> set[int]:
 
 
 def _needed(robot: Robot, chosen: set[int]) -> set[str]:
-    """Return the axes that stay but must know their positions, because those of other axes' homes depend on them."""
+    """Return the axes that are not homed but need a position reference, because other homes depend on them."""
     coupling = robot.coupling
     joints = {other for joint in chosen for axis in coupling.homing_axes(joint) for other in coupling.joints_of(axis)}
     return {
@@ -138,11 +145,11 @@ def _part_of_all(progress: Progress, before: float, weight: float, part: float) 
 
 
 def _level_settings(session: Session, level: list[int], chosen: set[int]) -> tuple[HomingSettings | None, ...]:
-    """Return the settings of the axes to home now, from where the joints of the earlier levels stand; None for others.
+    """Return the settings of the axes to home now, from the positions of earlier levels' joints; None for other axes.
 
-    The motors of a joint move alone, and with them those of joints that depend on it as it depends on them; the joint
-    of a later level turns along while its own motor stands. Of joints that depend on each other none is known before
-    the last of those chosen is homed.
+    The motors of a joint move alone, or together with those of mutually dependent joints. A joint of a later level
+    moves passively, while its own motor is at standstill. Mutually dependent joints have no position reference before
+    all of the chosen ones are homed.
     """
     robot, coupling = session.robot, session.robot.coupling
     coupled = any(map(coupling.couples, level))
@@ -150,25 +157,25 @@ def _level_settings(session: Session, level: list[int], chosen: set[int]) -> tup
     settings: list[HomingSettings | None] = [None] * len(robot.axes)
     for own in level:
         axes, partial_home = coupling.homing_axes(own), max(coupling.mutual(own) & chosen) != own
-        for axis, way in axes.items():
+        for axis, per_unit in axes.items():
             others = {joint: element for joint, element in coupling.joints_of(axis).items() if joint != own}
             by_others = sum(element * positions[joint] for joint, element in others.items())
             alike = robot.joints[own] if coupling.joint_of(axis) != own else robot.axes[axis]
-            made = homing_settings(alike, way, by_others, robot.axes[axis].transmission)
+            made = homing_settings(alike, per_unit, by_others, robot.axes[axis].transmission)
             if made and len(axes) > 1:
                 switch = axis if coupling.joint_of(axis) == own else own
-                made = replace(made, switch_axis=switch, reversed=way < 0, partial=partial_home)
+                made = replace(made, switch_axis=switch, reversed=per_unit < 0, partial=partial_home)
             settings[axis] = made
     return tuple(settings)
 
 
 def _sets(robot: Robot, joints: list[int]) -> list[list[int]]:
-    """Return the axes of each of these joints' homings that move together."""
+    """Return, for each joint, the axes that are homed together."""
     return [axes for joint in joints if len(axes := list(robot.coupling.homing_axes(joint))) > 1]
 
 
 def _pairs(robot: Robot, joints: list[int]) -> list[HomingPair]:
-    """Return the two motors of each of these joints that has two."""
+    """Return the motor pairs of the joints that have two motors."""
     pairs = []
     for joint in joints:
         if motor := robot.joints[joint].second_motor:
@@ -179,9 +186,9 @@ def _pairs(robot: Robot, joints: list[int]) -> list[HomingPair]:
 
 
 def declare(session: Session, joints: list[float]) -> list[AxisState]:
-    """Declare where the standing machine is, in mm and degrees.
+    """Declare the positions of the joints at standstill, in mm and degrees.
 
-    Raises as `home_robot`, and InputError if a joint is outside its limits.
+    Raises as `home_robot`, and InputError if a joint is outside of its limits.
     """
     check_goal(session.robot, joints)
     with session.charge("home", needs=()) as charge:

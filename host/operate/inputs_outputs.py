@@ -1,4 +1,4 @@
-"""Digital inputs and outputs by their names in the robot's file: at once, or while a trajectory runs."""
+"""Digital inputs and outputs by their names in the robot file: at once, or while a trajectory runs."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -22,7 +22,7 @@ from steptwin.protocol.cia402 import GENERAL_INPUTS, DigitalInput, DigitalOutput
 def waits_made(plan: Plan, holds_ms: Sequence[int], *, timed_out: bool = False) -> tuple[Wait, ...]:
     """Return those waits of a plan that a machine came to, and how long it stood there.
 
-    `timed_out` tells whether the last of them has ended the motion.
+    `timed_out` is True if the last of them has ended the motion.
     """
     before_ms = accumulate(holds_ms, initial=0)
     made = [
@@ -39,7 +39,7 @@ def waits_document(waits: Sequence[Wait]) -> dict[str, Any]:
 
 
 def wired_inputs(robot: Robot) -> dict[str, tuple[int, DigitalInput]]:
-    """Return the axis and the bit of every input in the robot's file."""
+    """Return the axis and the bit of every input in the robot file."""
     return {
         name: (robot.axis_index(sensor.joint), GENERAL_INPUTS[sensor.input - 1])
         for name, sensor in robot.inputs.items()
@@ -55,7 +55,7 @@ def wired_input(robot: Robot, name: str) -> tuple[int, DigitalInput]:
 
 
 def switches_of(robot: Robot, axis: int) -> dict[str, DigitalInput]:
-    """Return the switches that a joint has, by the names that requests give them."""
+    """Return the switches of a joint, by their names in requests."""
     fitted = robot.axes[axis].switches.inputs
     return {name: bit for name, bit in SWITCHES.items() if bit in fitted}
 
@@ -69,7 +69,7 @@ def read_inputs(session: Session) -> dict[str, bool]:
 
 
 def wired_outputs(robot: Robot) -> dict[str, tuple[int, DigitalOutput]]:
-    """Return the axis and the bit of every output in the robot's file."""
+    """Return the axis and the bit of every output in the robot file."""
     bits = tuple(DigitalOutput)
     return {name: (robot.axis_index(output.joint), bits[output.out - 1]) for name, output in robot.outputs.items()}
 
@@ -111,9 +111,9 @@ def no_such_output(robot: str, name: str, names: list[str]) -> InputError:
 
 
 def plan_made(plan: Plan, holds_ms: Sequence[int], *, timed_out: bool = False) -> Plan:
-    """Return what a machine has executed that stood still for these times at the first waits of a plan.
+    """Return the executed plan: the plan with the durations of its waits so far.
 
-    `timed_out` tells whether the last of them has ended the motion.
+    `timed_out` is True if the last of them has ended the motion.
     """
     if not holds_ms:
         return plan

@@ -35,16 +35,16 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import Status
 
 STEP_SPEED_PERCENT: Final = 20.0
-"""Usual part of the highest speeds for a step: 50 mm/s for the tool."""
+"""Default speed of a step, in percent of the highest speeds: 50 mm/s for the tool."""
 SPEED_PERCENT_MIN: Final = 1.0
 
 _THOUSANDTHS: Final = 1000
-"""What would pass is said in thousandths of a mm or degree, less than half a step of any joint."""
+"""Messages give valid values in 1/1000 mm or degree, which is less than half a step of any joint."""
 
 
 @dataclass(frozen=True, slots=True)
 class ToolJogged:
-    """A finished jog of the tool: joint positions in mm and degrees, and whether the way's end was reached."""
+    """A finished jog of the tool: joint positions in mm and degrees, and whether the end of the path was reached."""
 
     coordinate: str
     start: list[float]
@@ -62,14 +62,14 @@ def jog_tool(
     frame: StepFrame = StepFrame.WORLD,
     until: Callable[[], bool] = lambda: False,
 ) -> ToolJogged:
-    """Move the tool along x, y or z of the world or of its own, or turn it about them or by phi.
+    """Move the tool along an axis x, y or z of the world or tool frame, or rotate it about this axis or by phi.
 
-    The speed is in mm/s or deg/s, with a sign. The way ends where reach and limits end. On the way `until` is called
-    every 10 ms; when it returns True or the time is over, the tool halts on its line, and the rest of the way is given
-    up. Without a time so does KeyboardInterrupt, which is not raised further.
+    The signed speed is in mm/s or deg/s. The path ends at the limits of reach and joints. `until` is called every 10
+    ms. When it returns True or the time is over, the tool halts on its line and the rest of the path is abandoned.
+    Without a time, KeyboardInterrupt does the same and is not raised further.
 
     Raises:
-        InputError: the tool cannot move in this direction, with the reason; or as `execute_live`.
+        InputError: the tool cannot move in this direction (with the reason), or as `execute_live`.
         DeviceFaultError, BusError: as `execute_live`.
     """
     check_tool_jog(session.robot, coordinate, speed)
@@ -96,7 +96,7 @@ def jog_tool(
 
 @dataclass(frozen=True, slots=True)
 class Jogged:
-    """A finished jog: start and end in the joint's unit, and whether a software position limit ended it."""
+    """A finished jog of a joint: start and end in its unit, and whether a software position limit ended it."""
 
     joint: str
     start: float
@@ -107,11 +107,11 @@ class Jogged:
 def check_jog(robot: Robot, name: str, speed: float) -> Joint:
     """Return the joint of this name; raise InputError if it does not exist or the speed is not within its limits.
 
-    At the slowest speed, the slowest axis that moves has `VELOCITY_MIN_UNITS_PER_S`.
+    At the lowest speed, the slowest moving axis has `VELOCITY_MIN_UNITS_PER_S`.
     """
     i = robot.index_of(name)
     joint = robot.joints[i]
-    speed_min = VELOCITY_MIN_UNITS_PER_S / min(map(abs, ways_units(robot, i).values()))
+    speed_min = VELOCITY_MIN_UNITS_PER_S / min(map(abs, travels_per_unit(robot, i).values()))
     speed_max, _ = limits_along(robot, _one(robot, i))
     if not speed_min <= abs(speed) <= speed_max:
         limit = f"from {at_least(speed_min)} to {at_most(speed_max)} {joint.unit}/s, with a sign"
@@ -119,8 +119,8 @@ def check_jog(robot: Robot, name: str, speed: float) -> Joint:
     return joint
 
 
-def ways_units(robot: Robot, joint: int) -> dict[int, float]:
-    """Return the way of each axis that moves with a joint, in wire units for one mm or degree of the joint alone."""
+def travels_per_unit(robot: Robot, joint: int) -> dict[int, float]:
+    """Return the travel of each axis in wire units per mm or degree of a joint that moves alone."""
     return {
         axis: element * robot.axes[axis].transmission.wire_units_per_unit
         for axis, element in robot.coupling.axes_moved_by(joint).items()
@@ -130,16 +130,16 @@ def ways_units(robot: Robot, joint: int) -> dict[int, float]:
 def jog(
     session: Session, name: str, speed: float, seconds: float | None, *, until: Callable[[], bool] = lambda: False
 ) -> Jogged:
-    """Move one joint at a speed until a time is over, `until` returns True, or the joint stands at its limit.
+    """Move one joint at a speed until the time is over, `until` returns True, or the joint has reached its limit.
 
-    All axes that are coupled to the joint move in proportion, from start to end, so that the other joints stand still.
-    All ramps have the highest acceleration that joint and axes allow. If the joint's position is known, the board keeps
-    its limits; otherwise it has none. The speed is in mm/s or degrees/s; its sign is the direction. The time includes
-    the ramp up; `until` is called every 10 ms and once before the start. Without a time the joint moves until
-    KeyboardInterrupt, which then ends the jog by a ramp and is not raised further.
+    All axes that are coupled to the joint move in proportion, so the other joints do not move. All ramps have the
+    highest acceleration that joint and axes allow. The board keeps the joint's limits if the joint has a position
+    reference; otherwise there are no limits. The signed speed is in mm/s or deg/s. The time includes the ramp up.
+    `until` is called every 10 ms and once before the start. Without a time the joint moves until KeyboardInterrupt,
+    which then ends the jog by a ramp and is not raised further.
 
     Raises:
-        InputError, DeviceFaultError, BusError: as `move`, but the position may be unknown.
+        InputError, DeviceFaultError, BusError: as `move`, but without a position reference, too, the joint may move.
     """
     robot = session.robot
     joint = robot.joints.index(check_jog(robot, name, speed))
@@ -171,21 +171,21 @@ def jog(
 
 
 def _one(robot: Robot, joint: int) -> FloatArray:
-    """Return a way of 1 of one joint alone."""
+    """Return joint displacements with 1 for one joint and 0 for the others."""
     return np.array([float(other == joint) for other in range(len(robot.joints))])
 
 
 def _drives(robot: Robot, joint: int, speed: float, axes: dict[int, AxisClient]) -> list[VelocityTarget]:
-    """Return, for each axis concerned, the target at which one joint moves alone."""
+    """Return the velocity targets of the axes with which one joint moves alone."""
     _, acceleration = limits_along(robot, _one(robot, joint))
     drives = []
-    for i, per_unit in ways_units(robot, joint).items():
+    for i, per_unit in travels_per_unit(robot, joint).items():
         drives.append(VelocityTarget(axes[i], round(speed * per_unit), ceil(acceleration * abs(per_unit))))
     return drives
 
 
 def _position(charge: MachineCharge, joint: int) -> float:
-    """Read where a joint is, from the step counters of the axes that it depends on."""
+    """Read the position of a joint from the step counters of its axes."""
     session, units = charge.session, list(charge.start.units)
     for axis in session.robot.coupling.axes_of(joint):
         units[axis] = session.machine.axes[axis].read(od.POSITION_ACTUAL)
@@ -193,10 +193,10 @@ def _position(charge: MachineCharge, joint: int) -> float:
 
 
 def _set_limits(charge: MachineCharge, joint: int, axes: dict[int, AxisClient]) -> None:
-    """Let the axes end at the joint's limits, so that the board keeps these even if this program dies.
+    """Write the joint's limits to the axes, so the board keeps them even if this program ends.
 
-    The other joints stand, so each axis has its own way to a limit, and all come to its end at the same time. The way
-    is known if these axes know their positions, and those that the joint's position depends on.
+    Because the other joints do not move, all axes reach their limits at the same time. The limits can be computed only
+    if these axes, and those on which the joint's position depends, have a position reference.
     """
     robot = charge.session.robot
     if not charge.start.knows(axes.keys() | robot.coupling.axes_of(joint).keys()):
@@ -221,7 +221,7 @@ def check_step(robot: Robot, name: str, distance: float) -> Joint:
     """
     i = robot.index_of(name)
     joint = robot.joints[i]
-    least, travel = 1 / min(map(abs, ways_units(robot, i).values())), joint.upper - joint.lower
+    least, travel = 1 / min(map(abs, travels_per_unit(robot, i).values())), joint.upper - joint.lower
     if not least <= abs(distance) <= travel:
         limits = f"from {at_least(least)} to {at_most(travel)} {joint.unit}"
         raise InputError(f"{name}: a step of {distance:g} {joint.unit} is not {limits}, with a sign")
@@ -263,9 +263,9 @@ def step_joint(
 
 
 def _within_limits(joint: Joint, start: float, goal: float) -> float:
-    """Return a goal, the limit itself if it is less than half a step beyond; raise InputError farther beyond.
+    """Return a goal within the limits; raise InputError if it is more than half a step beyond a limit.
 
-    Steps of rounded distances come to a limit by rounding only. A joint outside its limits may move towards them.
+    Steps of rounded distances may pass a limit by rounding. A joint outside of its limits may move towards them.
     """
     limit = min(max(goal, joint.lower), joint.upper)
     if abs(goal - limit) < 0.5 / joint.transmission.steps_per_unit:
@@ -279,11 +279,11 @@ def _within_limits(joint: Joint, start: float, goal: float) -> float:
 
 
 def step_tool(session: Session, step: ToolStep, *, progress: Progress = lambda _: None) -> Moved:
-    """Move the tool by a step, straight or on the spot, on the branch of the standing arm.
+    """Move or rotate the tool by a step, on the present branch of the arm.
 
     Raises:
-        InputError: the path is not possible, with what would pass; or as `execute_live`.
-        DeviceFaultError, BusError: as `execute_live`; DeviceFaultError, too, if an axis ends at another step.
+        InputError: the path is not possible (with the nearest possible step), or as `execute_live`.
+        DeviceFaultError, BusError: as `execute_live`; DeviceFaultError also if an axis ends at another step.
     """
     check_step_speed(step.speed_percent)
     with session.charge("jog") as charge:

@@ -1,4 +1,4 @@
-"""Compute joint positions, and which of them are known, from what the axes say."""
+"""Compute joint positions, and whether they are valid, from the axes' positions."""
 
 from collections.abc import Sequence
 from typing import Final, NamedTuple
@@ -13,11 +13,11 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode, State
 
 HELD: Final = "held by an emergency stop until `steptwin reset`"
-"""What `steptwin estop` does to a drive."""
+"""Message about a drive after `steptwin estop`."""
 
 
 def fault_and_remedy(axis: AxisClient, state: State) -> str:
-    """Read why a drive is in a fault state by SDO; return the reason and its remedy, without the axis' name."""
+    """Read the reason of a drive's fault state by SDO; return it with its remedy, without the axis' name."""
     if axis.read(od.EMERGENCY_STOP):
         return f"is {HELD}"
     code = axis.read(od.ERROR_CODE)
@@ -34,17 +34,17 @@ def faulty_drive(axis: AxisClient, state: State) -> DeviceFaultError:
 
 
 class JointReading(NamedTuple):
-    """A joint's position in mm or degrees, and whether it counts from the joint's zero."""
+    """A joint's position in mm or degrees, and whether it has a position reference."""
 
     position: float
     known: bool
 
 
 def axis_readings(robot: Robot, units: Sequence[int], known: Sequence[bool]) -> list[JointReading]:
-    """Return each joint's position, and behind them that of each second motor, from all axes' in wire units.
+    """Return the positions of the joints, then of the second motors, from the axes' positions in wire units.
 
-    A joint's position is known if it is known of each axis that turns or shifts the joint. The second motor's is where
-    it has its end of the joint.
+    A joint has a position reference if all axes that move it have one. The position of a second motor is that of its
+    end of the joint.
     """
     of_axes, coupling = np.array(units), robot.coupling
     positions = robot.to_positions(of_axes).tolist()
@@ -60,7 +60,7 @@ def axis_readings(robot: Robot, units: Sequence[int], known: Sequence[bool]) -> 
 
 
 def check_skews(robot: Robot, units: Sequence[int]) -> None:
-    """Raise DeviceFaultError if the two motors of a joint are farther apart than the robot's file allows."""
+    """Raise DeviceFaultError if the skew between the two motors of a joint exceeds the limit of the robot file."""
     for joint, skew in zip(robot.coupling.seconds, robot.skews(np.array(units)).tolist(), strict=True):
         first, second = robot.joints[joint], robot.joints[joint].second_motor
         if second and abs(skew) > second.skew_max:

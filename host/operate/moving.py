@@ -1,4 +1,4 @@
-"""Move all axes to a joint position or a tool pose by their own profiles, so that they arrive together."""
+"""Move all axes to a joint position or a tool pose by synchronised profiles."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,14 +22,14 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.workspace.nearest_pose import passing_text
 
 Goal = Sequence[float | None] | Callable[[list[float]], Sequence[float | None]]
-"""Joint positions in mm and degrees, None for a joint that stays; or a function of those where the machine stands."""
+"""Joint positions in mm and degrees, None for a joint that stays; or a function of the present joint positions."""
 
 
 @dataclass(frozen=True, slots=True)
 class Moved:
-    """A finished move: joint positions in mm and degrees, the planned duration, and the tool's pose at the end.
+    """A finished move: joint positions in mm and degrees, planned duration, and pose of the tool at the end.
 
-    The pose is None unless every joint knows its position.
+    The pose is None if a joint has no position reference.
     """
 
     start: list[float]
@@ -40,7 +40,7 @@ class Moved:
 
 
 def check_goal(robot: Robot, goal: Sequence[float | None]) -> None:
-    """Raise InputError, naming the first joint, unless every joint's position is within its limits; None always is."""
+    """Raise InputError, which names the first joint, if a position is outside of its limits; None is valid."""
     for joint, position in zip(robot.joints, goal, strict=True):
         if position is not None and not joint.lower <= position <= joint.upper:
             limits = (joint.lower, joint.upper, joint.unit)
@@ -48,7 +48,7 @@ def check_goal(robot: Robot, goal: Sequence[float | None]) -> None:
 
 
 def goal_by_name(robot: Robot, positions: Mapping[str, float]) -> list[float | None]:
-    """Return the goal that moves some joints, by name, within their limits; raise InputError for another joint."""
+    """Return the goal of joints by name; raise InputError for an unknown joint or a position outside of its limits."""
     goal: list[float | None] = [None] * len(robot.joints)
     for name, position in positions.items():
         goal[robot.index_of(name)] = position
@@ -57,20 +57,20 @@ def goal_by_name(robot: Robot, positions: Mapping[str, float]) -> list[float | N
 
 
 def joints_at(robot: Robot, position: ToolPosition, standing: list[float]) -> list[float]:
-    """Return the joints at a position of the tool, on its branch or on that of the standing arm.
+    """Return the joint positions for a position of the tool, on its branch or on the present branch of the arm.
 
-    Coordinates that the position leaves out stay. Raises InputError if the arm cannot reach it.
+    Coordinates that are not given do not change. Raises InputError if the arm cannot reach the position.
     """
     joints = Moves(robot, {}, np.array(standing)).joints_at(position)
     return [float(each) for each in joints]
 
 
 def nearest_joints(robot: Robot, position: ToolPosition, near: list[float]) -> list[float]:
-    """Return the joint position that has a tool pose and is reached in the least time from the joint position `near`.
+    """Return the joint position with a tool pose that is reached fastest from the joint position `near`.
 
-    Coordinates that the position leaves out are those at `near`; an attitude may follow from the arm. Raises InputError
-    if the mechanism cannot be assembled at `near`, or if no branch of the inverse kinematics reaches the pose: the
-    message gives each branch's reason and the nearest pose in reach.
+    Coordinates that are not given are those at `near`; some arms determine the attitude. Raises InputError if the
+    mechanism cannot be assembled at `near`, or if no branch of the inverse kinematics reaches the pose; the message
+    gives the reason of each branch and the nearest reachable pose.
     """
     standing, kinematics = np.array(near), make_kinematics(robot)
     present: Pose = tuple(kinematics.forward(standing[np.newaxis])[0].tolist())
@@ -101,14 +101,19 @@ def move(
 ) -> Moved:
     """Move joints to a position, straight in joint space.
 
-    A joint that stays may stand outside its limits or, unless it is coupled to one that moves, not know its position,
-    as after an interrupted homing: it does not move. For a goal that is a function, all positions must be known.
-    StepTwin knows no obstacles: the operator must watch the machine. `speed_percent` is the part of the joints' speed
-    and acceleration limits to use. `progress` is called with the part of the longest way that is covered.
+    A joint that stays may be outside of its limits. It needs no position reference, unless it is coupled to a joint
+    that moves. For a goal that is a function, all joints need a position reference. StepTwin knows no obstacles: the
+    operator must watch the machine.
+
+    Args:
+        session: the machine.
+        goal: joint positions, or a function that returns them.
+        speed_percent: percentage of the joints' speed and acceleration limits.
+        progress: called with the finished fraction of the longest travel.
 
     Raises:
-        InputError: a joint's goal is outside its limits, or a program that claims no charge moves the machine.
-        DeviceFaultError: a drive is in fault or was stopped, or a joint that is to move does not know its position.
+        InputError: a goal is outside of its limits, or a program that has not claimed the machine moves it.
+        DeviceFaultError: a drive is in fault or was stopped, or a joint that must move has no position reference.
         BusError: another program is in charge, or a node does not answer.
     """
     robot, needs = session.robot, None
@@ -123,10 +128,10 @@ def move(
 
 
 def move_joints(charge: MachineCharge, goal: Sequence[float | None], speed_percent: float, progress: Progress) -> Moved:
-    """Make a move of a machine in charge, wherever the goal is; arguments and errors are those of `move`."""
+    """Make a move with a machine in charge, without a check of limits; arguments and errors as for `move`."""
     session, start = charge.session, charge.start
     goal_units = units_at(session, start.units, goal)
-    moving = ways(start.units, goal_units)
+    moving = travels(start.units, goal_units)
     machine = charge.enable(moving)
     planned_s = move_within(session, start.units, goal_units, speed_percent, progress)
     end = session.positions(machine.positions_units(moving))
@@ -139,36 +144,36 @@ def _reached(start: list[float], goal: Sequence[float | None]) -> list[float]:
 
 
 def units_at(session: Session, start_units: list[int], goal: Sequence[float | None]) -> list[int]:
-    """Return where the axes go when the joints with a goal do, in wire units; an axis that need not move stays."""
+    """Return the axes' target positions in wire units for a goal; an axis that need not move keeps its position."""
     reached = session.units(_reached(session.positions(start_units), goal))
     moved = _axes_moved(session.robot, goal)
     return [units if axis in moved else start_units[axis] for axis, units in enumerate(reached)]
 
 
 def _axes_moved(robot: Robot, goal: Sequence[float | None]) -> set[int]:
-    """Return the axes that move when the joints with a goal do."""
+    """Return the axes that move for a goal."""
     moving = [joint for joint, position in enumerate(goal) if position is not None]
     return {axis for joint in moving for axis in robot.coupling.axes_moved_by(joint)}
 
 
 def axes_concerned(robot: Robot, goal: Sequence[float | None]) -> set[int]:
-    """Return the axes that must know their positions: those that move, and all that the goal of one depends on."""
+    """Return the axes that need a position reference: those that move, and those on which their targets depend."""
     moved, coupling = _axes_moved(robot, goal), robot.coupling
     return moved | {other for axis in moved for joint in coupling.joints_of(axis) for other in coupling.axes_of(joint)}
 
 
-def ways(start_units: Sequence[int], goal_units: Sequence[int]) -> dict[int, int]:
-    """Return the way of each axis that has one, in wire units."""
+def travels(start_units: Sequence[int], goal_units: Sequence[int]) -> dict[int, int]:
+    """Return the travel of each axis that moves, in wire units."""
     both = zip(start_units, goal_units, strict=True)
     return {axis: goal - start for axis, (start, goal) in enumerate(both) if goal != start}
 
 
-def _joint_ways(robot: Robot, ways_units: Int64Array) -> FloatArray:
-    """Return the joints' ways when the axes make theirs: of two motors of a joint, that of the farther one."""
-    joint_ways = robot.to_positions(ways_units)
-    for joint, skew in zip(robot.coupling.seconds, robot.skews(ways_units).tolist(), strict=True):
-        joint_ways[joint] += copysign(skew / 2, joint_ways[joint])
-    return joint_ways
+def _joint_travels(robot: Robot, travels_units: Int64Array) -> FloatArray:
+    """Return the joints' travels for those of the axes; for a joint with two motors, that of the farther one."""
+    joint_travels = robot.to_positions(travels_units)
+    for joint, skew in zip(robot.coupling.seconds, robot.skews(travels_units).tolist(), strict=True):
+        joint_travels[joint] += copysign(skew / 2, joint_travels[joint])
+    return joint_travels
 
 
 def move_within(
@@ -180,7 +185,7 @@ def move_within(
 ) -> float:
     """Make a move of enabled axes; return its planned duration in seconds.
 
-    Afterwards a halt brakes as before it: what follows may be a trajectory.
+    Afterwards the decelerations of halts are restored, because a trajectory may follow.
     """
     if start_units == goal_units:
         return 0.0
@@ -193,14 +198,16 @@ def move_within(
 def synchronised(
     robot: Robot, start_units: list[int], goal_units: list[int], speed_percent: float
 ) -> tuple[dict[int, ProfileMove], float]:
-    """Scale one trapezoid, with ramps of whole ms, to the way of each axis that has one, so that all arrive together.
+    """Scale one trapezoidal profile, with ramps of whole ms, to the travels of all moving axes.
 
-    At least one axis must have a way. `speed_percent` is the part of the joints' speed and acceleration limits to use.
-    Return the move of each of these axes, and the duration in seconds.
+    At least one axis must move. `speed_percent` is the percentage of the joints' speed and acceleration limits.
+
+    Returns:
+        The move of each of these axes, and the duration in seconds.
     """
-    moves, ways_units = {}, ways(start_units, goal_units)
-    law = fastest_law(robot, _joint_ways(robot, np.subtract(goal_units, start_units)), speed_percent / 100)
-    for axis, way in ways_units.items():
-        velocity = max(VELOCITY_MIN_UNITS_PER_S, ceil(abs(way) * law.speed))
-        moves[axis] = ProfileMove(way, goal_units[axis], velocity, ceil(velocity / law.ramp_s))
+    moves, travels_units = {}, travels(start_units, goal_units)
+    law = fastest_law(robot, _joint_travels(robot, np.subtract(goal_units, start_units)), speed_percent / 100)
+    for axis, travel_units in travels_units.items():
+        velocity = max(VELOCITY_MIN_UNITS_PER_S, ceil(abs(travel_units) * law.speed))
+        moves[axis] = ProfileMove(travel_units, goal_units[axis], velocity, ceil(velocity / law.ramp_s))
     return moves, law.duration_s

@@ -1,4 +1,4 @@
-"""Stop a machine, hold it in an emergency stop and reset its faults, in any state of its drives and nodes."""
+"""Stop a machine, hold it in an emergency stop, and reset its faults, in any state of its drives and nodes."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ from steptwin.protocol.cia402 import State, Status
 
 @dataclass(frozen=True, slots=True)
 class AxisState:
-    """The state of an axis' drive; its joint's position in mm or degrees, and whether that position is known."""
+    """State of an axis' drive; position of its joint in mm or degrees, and whether it has a position reference."""
 
     name: str
     state: str
@@ -37,21 +37,19 @@ def emergency_stop(session: Session) -> list[AxisState]:
 
 
 def reset(session: Session, *, age_s: float = 0.0) -> list[AxisState]:
-    """Reset every drive that is in fault; the power of all these drives is off afterwards.
+    """Reset every drive that is in fault; afterwards the power of these drives is off.
 
-    A reset answers the faults and emergency stops that its user knew of. Each axis is told the number of the one that
-    is answered (2018h), so that a later one stays, however long the network holds the reset up.
-
-    Nodes that another master has stopped, or that have restarted, are started (NMT): `wake` says how.
+    A reset is valid for the faults and emergency stops that its user has seen. Each axis receives the number of the
+    fault to reset (2018h), so a later one stays, even if the network delays the reset. Nodes that another master has
+    stopped, or that have restarted, are started by NMT (see `wake`).
 
     Args:
         session: the machine.
-        age_s: how long ago the user asked for the reset, or saw the machine for the last time: what has come since
-            stays.
+        age_s: time since the user requested the reset, or last saw the machine. A fault since then is not reset.
 
     Raises:
-        InputError: a program that claims no charge runs a trajectory.
-        DeviceFaultError: a drive stays in fault because the cause lasts, or because a later fault has come.
+        InputError: a program that has not claimed the machine runs a trajectory.
+        DeviceFaultError: a drive stays in fault because the cause lasts, or because a later fault has occurred.
         BusError: another program is in charge, or a node does not answer.
     """
     asked_s = session.link.now_s() - age_s
@@ -63,7 +61,7 @@ def reset(session: Session, *, age_s: float = 0.0) -> list[AxisState]:
         answered = [(axis, _fault_before(session, axis, asked_s)) for axis in session.machine.axes]
         for axis, number in answered:
             if axis.state() is State.FAULT:
-                # The host that the axis watched may be gone; a host that lives makes it watch again.
+                # The host that the axis monitors may be gone; a present host will enable the monitoring again.
                 axis.write(od.CONSUMER_HEARTBEATS[0], 0)
                 _reset_fault(axis, number)
         _await_reset(session)
@@ -72,7 +70,7 @@ def reset(session: Session, *, age_s: float = 0.0) -> list[AxisState]:
 
 def _fault_before(session: Session, axis: AxisClient, asked_s: float) -> int:
     """Return the number of the axis' last fault; raise DeviceFaultError if it is younger than the reset."""
-    number = axis.read(od.FAULT_NUMBER)  # before its age: a fault between the two makes the age a young one
+    number = axis.read(od.FAULT_NUMBER)  # before its age: a fault between both requests is then too young
     least_ms = int(1000 * (session.link.now_s() - asked_s))
     if axis.read(od.FAULT_AGE_MS) < least_ms:
         raise _later_fault(axis)
@@ -80,7 +78,7 @@ def _fault_before(session: Session, axis: AxisClient, asked_s: float) -> int:
 
 
 def _reset_fault(axis: AxisClient, number: int) -> None:
-    """Reset the fault of this number; raise DeviceFaultError if another one has come since."""
+    """Reset the fault of this number; raise DeviceFaultError if another one has occurred since."""
     try:
         axis.write(od.FAULT_RESET, number)
     except DeviceFaultError as error:
@@ -97,9 +95,9 @@ def _later_fault(axis: AxisClient) -> DeviceFaultError:
 
 
 def wake(session: Session) -> None:
-    """Start the nodes that do not answer: those that NMT has STOPPED answer no request until they are started.
+    """Start the nodes that do not answer: a node in NMT state STOPPED answers no request.
 
-    A node that answers is left as it is: the program in charge of it may need it so.
+    The state of a node that answers is not changed: the program in charge may need it.
     """
     for axis in session.machine.axes:
         try:
@@ -109,7 +107,7 @@ def wake(session: Session) -> None:
 
 
 def _await_reset(session: Session) -> None:
-    """Wait until no drive is in fault; raise DeviceFaultError, with the first cause, if one stays so."""
+    """Wait until no drive is in fault; raise DeviceFaultError, with the first cause, if one stays in fault."""
     lasting: list[AxisClient] = []
 
     def over() -> bool:

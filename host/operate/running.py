@@ -1,4 +1,4 @@
-"""Run a plan on a live board: check where it stands, stream, compare the axes' end positions with the plan."""
+"""Run a plan on a live board: check the start position, stream, compare the axes' end positions with the plan."""
 
 import time
 from collections.abc import Callable
@@ -19,12 +19,12 @@ from steptwin.host.planning.trajectory import Wait
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
 END_ERROR_STEPS_MAX: Final = 0.5 + 1 / 16
-"""The largest distance of the step counter from the demanded position, by the firmware's hysteresis."""
+"""Largest distance between step counter and demanded position, by the firmware's hysteresis."""
 
 
 @dataclass(frozen=True, slots=True)
 class AxisEnd:
-    """The end of a run on one axis: the plan's end and the step counter, in wire units, and their difference."""
+    """End of a run on one axis: planned end and step counter in wire units, and their difference."""
 
     name: str
     planned_units: int
@@ -33,13 +33,13 @@ class AxisEnd:
 
     @property
     def passed(self) -> bool:
-        """True if the axis stands at the planned step."""
+        """True if the axis has reached the planned step."""
         return abs(self.error_steps) <= END_ERROR_STEPS_MAX
 
 
 @dataclass(frozen=True, slots=True)
 class LiveOutcome:
-    """The result of a run on a live board; the axes, the plan and the waits are those of the last repetition."""
+    """Result of a run on a live board; axes, plan and waits are those of the last repetition."""
 
     plan: Plan
     job: str
@@ -53,7 +53,7 @@ class LiveOutcome:
 
     @property
     def passed(self) -> bool:
-        """True if every axis ended at the planned step in every repetition."""
+        """True if every axis has reached the planned step in every repetition."""
         return all(axis.passed for axis in self.axes)
 
     def to_dict(self) -> dict[str, Any]:
@@ -73,7 +73,7 @@ class LiveOutcome:
 
 
 def check_repeatable(plan: Plan, repeat: int) -> None:
-    """Raise InputError unless a plan can be run `repeat` times, one after the other."""
+    """Raise InputError if a plan cannot be run `repeat` times, one after the other."""
     if repeat < 1:
         raise InputError(f"repeat={repeat}: is not at least 1")
     ends_units = plan.points_units[[0, -1]]
@@ -98,19 +98,23 @@ def execute_live(
 ) -> LiveOutcome:
     """Run a plan `repeat` times on a live board; stop after a repetition that ends at another step than planned.
 
-    Reports name the motion `job`. With `approach` the machine moves to the plan's start first, straight in joint space,
-    unless the arm would come too near to the robot's shelf on that way.
-    `progress` is called with the part of the stream that has been sent, in each repetition from 0 to 1, and `begun`
-    when the axes have set off on it.
+    Args:
+        session: the machine.
+        plan: the plan.
+        job: name of the motion in reports.
+        repeat: number of repetitions.
+        approach: True to move to the plan's start first, straight in joint space, unless a feature blocks that move.
+        progress: called with the sent fraction of the stream, in each repetition from 0 to 1.
+        begun: called in each repetition when the axes have started.
 
     Raises:
-        InputError: the machine does not stand at the plan's start, or its way there is blocked, the plan cannot be
-            repeated, or a program that claims no charge moves the machine.
-        DeviceFaultError: a drive is in fault or was stopped, or has no known position.
+        InputError: the machine is not at the plan's start or cannot move there, the plan cannot be repeated, or a
+            program that has not claimed the machine moves it.
+        DeviceFaultError: a drive is in fault or was stopped, or has no position reference.
         BusError: another program is in charge, or a node does not answer.
     """
     check_repeatable(plan, repeat)
-    highest_percent = highest_speed(plan).percent  # before anything waits for it: motors turn beforehand
+    highest_percent = highest_speed(plan).percent  # first, because the simulation of motors takes time
     with session.charge("run") as charge:
         try:
             if approach:
@@ -136,9 +140,9 @@ def run_plan(
     begun: Callable[[], None] = lambda: None,
     highest_percent: int = PLANNED_PERCENT,
 ) -> LiveOutcome:
-    """Move a machine in charge to a plan's start, and run it; arguments and errors are those of `execute_live`.
+    """Run a plan with a machine in charge; arguments and errors as for `execute_live`.
 
-    Programs may make it faster on the way, up to `highest_percent` of the planned speed.
+    Other programs may speed the motion up, to at most `highest_percent` of the planned speed.
     """
     session = charge.session
     started_s = time.perf_counter()
@@ -160,11 +164,11 @@ def run_plan(
 
 
 SETTLED_S: Final = 0.02
-"""Time after the end of a stream for the last step and the last status report to come."""
+"""Time after the end of a stream in which the last step is made and the last status report arrives."""
 
 
 def axis_ends(machine: Machine, plan: Plan) -> tuple[AxisEnd, ...]:
-    """Read where each axis stands after a plan; raise BusError if a node does not answer."""
+    """Read the position of each axis after a plan; raise BusError if a node does not answer."""
     ends = zip(plan.robot.axes, plan.points_units[-1].tolist(), machine.positions_units(), strict=True)
     return tuple(
         AxisEnd(joint.name, planned, end, (end - planned) * joint.transmission.microsteps / UNITS_PER_FULL_STEP)

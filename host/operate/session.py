@@ -1,4 +1,4 @@
-"""A robot on the bus: its machine, its units, and the gate: what is asked of a machine before a program moves it."""
+"""A robot on the bus: its machine, its units, and the checks before a program moves the machine."""
 
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -26,12 +26,12 @@ from steptwin.protocol.storage import NO_NAME, checksum, stored_name
 
 @dataclass(frozen=True, slots=True)
 class Foreign:
-    """An axis that belongs to another robot, or counts in other units.
+    """An axis that belongs to another robot, or uses other units.
 
     Attributes:
-        axis: its name.
-        node_id: its node.
-        why: what the board says of it, and what the robot needs.
+        axis: name of the axis.
+        node_id: its node id.
+        why: difference between board and robot, as text.
     """
 
     axis: str
@@ -46,19 +46,19 @@ class Session:
     """One robot on one link."""
 
     def __init__(self, link: Link, robot: Robot, token: int | None = None) -> None:
-        """Connect to the robot's machine; `token` is for programs that must send the same frames each time."""
+        """Connect to the robot's machine; a fixed `token` gives identical frames in each run."""
         self.link = link
         self.robot = robot
         self.machine: Machine = Machine(link, robot.axis_names)
         self.lease: Lease = Lease(self.machine.axes, token)
         self._stops_known: int | None = None
-        """Stops that the axes had reported when the present action began; None without an action."""
+        """Number of reported stops when the present action began; None if there is no action."""
 
-    # --- what the nodes report by themselves
+    # --- the nodes' own reports
 
     @property
     def streaming(self) -> bool:
-        """True while an axis reports that it executes a trajectory; SDO requests could disturb its program."""
+        """True while an axis reports that it executes a trajectory; SDO requests could then disturb its program."""
         return any(axis.interpolating for axis in self.machine.axes)
 
     def require_present(self) -> None:
@@ -69,9 +69,9 @@ class Session:
                 axis.read(od.DEVICE_TYPE)
 
     def foreign_board(self) -> Foreign | None:
-        """Read whose the axes are, and their units; return the first axis that is not this robot's, None if all are.
+        """Read the axes' robot names and units; return the first axis of another robot, or None.
 
-        An axis without a name may be any robot's.
+        An axis without a robot name may belong to any robot.
         """
         expected = stored_name(self.robot.name)
         for axis in self.machine.axes:
@@ -84,7 +84,7 @@ class Session:
         return None
 
     def require_idle(self, what: str) -> None:
-        """Raise InputError if an axis reports that it executes a trajectory; the message begins with `what`."""
+        """Raise InputError, which begins with `what`, if an axis reports that it executes a trajectory."""
         await_reports(self.link, self.machine.axes)
         if self.streaming:
             raise _still_moving(f"{what}: a trajectory is running")
@@ -100,11 +100,11 @@ class Session:
         return [float(position) for position in self.robot.to_positions(np.array(units))]
 
     def demanded_units(self) -> list[int]:
-        """Read the position demand value (6062h) of each axis, where the next motion begins."""
+        """Read the position demand value (6062h) of each axis, at which the next motion begins."""
         return [axis.read(od.POSITION_DEMAND) for axis in self.machine.axes]
 
     def pose(self, joints: list[float]) -> PoseDocument | None:
-        """Return the tool's pose at a joint position; None where the mechanism cannot be assembled or has no tool."""
+        """Return the tool's pose at a joint position; None if the mechanism cannot be assembled or has no tool."""
         kinematics = make_kinematics(self.robot)
         pose = kinematics.forward(np.array([joints]))[0]
         return kinematics.task.document(pose) if pose.size and np.isfinite(pose).all() else None
@@ -113,11 +113,12 @@ class Session:
 
     @contextmanager
     def one_action(self) -> Iterator[None]:
-        """Let all that the block does be one action: a stop that comes meanwhile makes the rest of it void.
+        """Treat the block as one action: a stop meanwhile cancels the rest of it.
 
-        The axes then refuse by themselves what has begun; `MachineCharge.enable` refuses to begin, also after a reset.
+        After a stop the axes refuse further commands by themselves. `MachineCharge.enable` refuses to begin a motion,
+        even after a reset.
         """
-        if self._stops_known is not None:  # a part of an action
+        if self._stops_known is not None:  # the block is part of an action
             yield
             return
         self._stops_known = self._stops()
@@ -130,7 +131,7 @@ class Session:
         return sum(axis.stops for axis in self.machine.axes)
 
     def require_no_stop(self, what: str) -> None:
-        """Raise DeviceFaultError if the machine was stopped, or a node restarted, after the present action began."""
+        """Raise DeviceFaultError if the machine was stopped, or a node has restarted, since the action began."""
         for axis in self.machine.axes:
             if axis.restarted:
                 raise axis.restart()
@@ -140,34 +141,35 @@ class Session:
     # --- taking charge
 
     def look(self, what: str) -> "MachineAtRest":
-        """Ask the axes what `charge` asks them, without taking charge; nothing on the machine changes."""
+        """Make the checks of `charge` without taking charge; the machine is not changed."""
         self.lease.require_free()
         return self.ask(what, None)
 
     @contextmanager
     def charge(self, what: str, *, needs: Collection[str] | None = None) -> Iterator["MachineCharge"]:
-        """Go through the gate: take charge of the machine, and by `MachineCharge.enable` set it up to move it.
+        """Take charge of the machine for the block; `MachineCharge.enable` then prepares it to move.
 
-        The block asks nothing again. Leaving by an error or by Ctrl-C stops all axes first, once they are set
-        up, and takes back their targets. Afterwards the drives stay enabled and hold their positions.
+        If the block ends by an error or Ctrl-C after `enable`, all axes are stopped and their targets reset. Otherwise
+        the drives stay enabled and hold their positions.
 
-        The gate asks each axis:
-            - that no other program is in charge: the axis takes this program's token;
-            - that no trajectory runs, which a program may stream that claims no charge;
-            - that its drive is not in fault, that it rests, and where;
-            - that it knows its position, if it is among `needs`.
-        `MachineCharge.enable` asks, too, that it is a stepper axis, has the settings of the robot's file, watches this
-        host, is still in this program's charge, and that nothing has stopped it since the action began. Whose board it
-        is, `foreign_board` asks when a program connects.
+        The checks of each axis are:
+            - no other program is in charge: the axis accepts this program's token;
+            - no trajectory runs, which a program may stream without taking charge;
+            - its drive is not in fault and is at standstill;
+            - it has a position reference, if it is among `needs`.
+
+        `MachineCharge.enable` also checks that it is a stepper axis with the settings of the robot file, monitors this
+        host, is still in this program's charge, and was not stopped since the action began. `foreign_board` checks the
+        robot when a program connects.
 
         Args:
-            what: names the action in messages.
-            needs: names of the axes that must know their positions; None: all.
+            what: name of the action in messages.
+            needs: names of the axes that need a position reference; None for all.
 
         Raises:
-            InputError: a program that claims no charge moves the machine.
-            DeviceFaultError: a drive is in fault, has no known position, or refuses a value; or the machine was stopped
-                after the action began.
+            InputError: a program that has not claimed the machine moves it.
+            DeviceFaultError: a drive is in fault, has no position reference, or refuses a value; or the machine was
+                stopped after the action began.
             BusError: another program is in charge, or a node does not answer.
         """
         with self.one_action(), self._claimed():
@@ -185,7 +187,7 @@ class Session:
 
     @contextmanager
     def alone(self, what: str) -> Iterator[None]:
-        """Keep other programs from taking charge for a second, while nothing moves. Raises as `charge`."""
+        """Prevent other programs from taking charge for up to a second, without motion; raises as `charge`."""
         with self._claimed():
             self.require_idle(what)
             yield
@@ -199,7 +201,7 @@ class Session:
             self.lease.release()
 
     def ask(self, what: str, needs: Collection[str] | None) -> "MachineAtRest":
-        """Ask the axes how they are; raise as `charge` unless they may move."""
+        """Read the axes' states; raise as `charge` if they may not move."""
         self.require_idle(what)
         drives = tuple(self._ask_axis(axis, needs) for axis in self.machine.axes)
         units = self.demanded_units()
@@ -224,7 +226,7 @@ class Session:
 
 
 class RestingDrive(NamedTuple):
-    """A drive at rest: its state and mode, whether it knows its position, and whether its node reports by itself."""
+    """A drive at standstill: state and mode, whether it has a position reference, and whether its node reports."""
 
     state: State
     mode: int
@@ -233,11 +235,11 @@ class RestingDrive(NamedTuple):
 
 
 class MachineAtRest(NamedTuple):
-    """A machine at rest, as its axes said at the gate: a function that moves it need not ask them again.
+    """A machine at standstill, as read by the checks of `Session.charge`.
 
     Attributes:
-        drives: the drive of each axis.
-        units: position demand value (6062h) of each axis, where the next motion begins.
+        drives: drive of each axis.
+        units: position demand value (6062h) of each axis, at which the next motion begins.
         joints: the same in mm and degrees.
     """
 
@@ -246,12 +248,12 @@ class MachineAtRest(NamedTuple):
     joints: list[float]
 
     def knows(self, axes: Iterable[int] | None = None) -> bool:
-        """Return whether these axes know their positions; None: all."""
+        """Return whether these axes (None for all) have a position reference."""
         return all(self.drives[axis].known for axis in (range(len(self.drives)) if axes is None else axes))
 
 
 class MachineCharge:
-    """This program's charge of a machine, from `Session.charge`; `start` is how the machine stood then."""
+    """This program's charge of a machine, from `Session.charge`; `start` is the machine at that time."""
 
     def __init__(self, session: Session, what: str, needs: Collection[str] | None) -> None:
         self.session = session
@@ -259,29 +261,29 @@ class MachineCharge:
         self._what = what
         self._needs = needs
         self.begun: bool = False
-        """True once the axes are being set up: from then on an error stops them."""
+        """True since the axes are being set up: from then on an error stops them."""
 
     def enable(self, moving: Collection[int] | None = None) -> Machine:
-        """Set the machine up, let its axes watch this host, enable the drives. Raises as `Session.charge`.
+        """Configure the machine, make its axes monitor this host, enable the drives; raises as `Session.charge`.
 
-        `moving` has the axes that will move; None: all. Of the others, the limits and targets of an earlier program
-        stay, which nothing uses.
+        `moving` are the axes that will move; None for all. The other axes keep limits and targets of an earlier
+        program, which have no effect.
         """
         session, machine = self.session, self.session.machine
         self.begun = True
         changed = machine.adopt(self._objects(moving))
         if not all(drive.operational for drive in self.start.drives):
             machine.start_nodes()
-        session.lease.keep()  # a computer that was too slow may have lost it before the heartbeat
+        session.lease.keep()  # a slow computer may have lost it before its heartbeat started
         session.require_no_stop(self._what)
-        if changed:  # another microstep mode loses the position
+        if changed:  # a change of the microstep mode loses the position reference
             self.start = session.ask(self._what, self._needs)
         machine.enable([axis for axis, drive in enumerate(self.start.drives) if not _is_enabled(drive)])
         session.require_no_stop(self._what)
         return machine
 
     def _objects(self, moving: Collection[int] | None) -> list[Objects]:
-        """Return what each axis must hold. In profile velocity an axis follows its target by being enabled."""
+        """Return the entries of each axis. They reset the target velocity, which an axis follows when enabled."""
         robot = self.session.robot
         return [
             objects_of(joint, robot.board, moves=moving is None or i in moving or drive.mode == Mode.PROFILE_VELOCITY)
@@ -289,7 +291,7 @@ class MachineCharge:
         ]
 
     def stop_after(self, error: BaseException) -> None:
-        """Stop all axes after an error and take back their targets; raise it, as unsure, if the bus is silent."""
+        """Stop all axes after an error and reset their targets; if the bus is silent, raise the error as unsure."""
         session = self.session
         try:
             quick_stop(session.link, session.machine.axes)
@@ -298,11 +300,11 @@ class MachineCharge:
         except DeviceFaultError:
             return  # the first error is the one to report
         with suppress(StepTwinError):
-            session.lease.keep()  # another program that has the machine now keeps its own targets
+            session.lease.keep()  # if another program has the machine now, its targets must stay
             clear_targets(session.machine.axes)
 
     def leave(self) -> None:
-        """Let the axes stop watching this host, unless they have lost it and another program is in charge now."""
+        """Stop the axes' monitoring of this host, unless they have lost it and another program is in charge now."""
         try:
             self.session.lease.keep()
             self.session.machine.disconnect()
@@ -311,7 +313,7 @@ class MachineCharge:
 
 
 def _is_enabled(drive: RestingDrive) -> bool:
-    """Return whether a drive needs no enabling: its node would have reported a stop since then."""
+    """Return whether a drive is already enabled; its node would have reported a stop."""
     return drive.state is State.OPERATION_ENABLED and drive.operational
 
 

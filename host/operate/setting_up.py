@@ -1,7 +1,7 @@
-"""Set a robot's machine up for motion, in virtual runs and on live boards alike.
+"""Configure a robot's machine for motion, in virtual runs and on live boards.
 
-StepTwin's commands count in wire units, those of an axis after power-up. A board whose units are others (CiA 402-2,
-factor group) is refused and not set back: the master that has chosen them may still be there.
+StepTwin uses wire units, the default of an axis. A board with other units (CiA 402-2, factor group) is refused, and its
+units are not changed, because the master that has set them may still be active.
 """
 
 from collections.abc import Iterable
@@ -21,21 +21,21 @@ from steptwin.protocol.entry import DataType
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
 _HOLD_AFTER_QUICK_STOP: Final = 6
-"""Quick stop option code (605Ah): stop by the quick stop ramp, then hold the position, so a vertical axis stays up."""
+"""Quick stop option code (605Ah): quick stop ramp, then hold the position, so a vertical axis does not fall."""
 _FRAME_NS: Final = 44_000
-"""Shortest frame at 1 Mbit/s. What starts a motion comes at least one after ENABLE, so that less needs no wait."""
+"""Shortest frame at 1 Mbit/s. A motion starts at least one frame after ENABLE: a shorter settling needs no wait."""
 _NO_TARGETS: Final = [
     (od.TARGET_VELOCITY, 0),
     (od.POSITION_LIMIT_MIN, DataType.INTEGER32.low),
     (od.POSITION_LIMIT_MAX, DataType.INTEGER32.high),
 ]
-"""No velocity, and then no limits, where an axis may stand: the host checks planned motions."""
+"""Entries that reset target velocity, then position limits. (The host checks planned motions.)"""
 
 
 def set_up(machine: Machine, robot: Robot, start_units: list[int]) -> None:
-    """Write a robot's settings into its axes, make them watch this host, enable the drives, declare the positions.
+    """Write a robot's settings to its axes, make them monitor this host, enable the drives, declare the positions.
 
-    The board has just been switched on, for this host alone: all settings are written without reading them first.
+    The board has just been switched on for this host only, so all settings are written without reading them first.
 
     Raises:
         DeviceFaultError: a drive is in fault or refuses a value.
@@ -48,30 +48,30 @@ def set_up(machine: Machine, robot: Robot, start_units: list[int]) -> None:
 
 
 def objects_of(joint: Joint, board: BoardSettings, *, moves: bool) -> Objects:
-    """Return what an axis must hold that an operator moves: a drive holds its position after a quick stop.
+    """Return the entries of an axis that an operator moves: the drive holds its position after a quick stop.
 
-    For an axis that `moves`, no velocity or position limit of an earlier program remains.
+    For an axis that `moves`, they also reset target velocity and position limits of an earlier program.
     """
     targets = [*_NO_TARGETS, (od.MOTION_PROFILE_TYPE, LINEAR_RAMP)] if moves else []
     return [*axis_settings(joint, board).objects(), *targets, (od.QUICK_STOP_OPTION, _HOLD_AFTER_QUICK_STOP)]
 
 
 def clear_targets(axes: Iterable[AxisClient]) -> None:
-    """Take back a target velocity and position limits, which an axis takes that does not move; raises as `set_up`."""
+    """Reset target velocity and position limits, at standstill only; raises as `set_up`."""
     for axis in axes:
         for address, value in _NO_TARGETS:
             axis.write(address, value)
 
 
 def restore_decelerations(machine: Machine, robot: Robot, axes: Iterable[int]) -> None:
-    """Give axes back the deceleration of stops and halts, which their own ramps have replaced."""
+    """Restore the deceleration of stops and halts, which the ramps of a move have replaced."""
     for axis in axes:
         settings = axis_settings(robot.axes[axis], robot.board)
         machine.axes[axis].write(od.PROFILE_DECELERATION, settings.deceleration_units_per_s2)
 
 
 def axis_settings(joint: Joint, board: BoardSettings) -> AxisSettings:
-    """Return the settings of a joint's axis: the speed limit is the driver's, the deceleration of stops the axis'."""
+    """Return the settings of a joint's axis, with the driver's speed limit and the joint's deceleration of stops."""
     transmission, settling_ns = joint.transmission, board.profile.settling_ns
     return AxisSettings(
         microsteps=transmission.microsteps,
@@ -88,7 +88,7 @@ def axis_settings(joint: Joint, board: BoardSettings) -> AxisSettings:
 
 
 class AxisUnits(NamedTuple):
-    """The factor objects of an axis: gear ratio (6091h), feed constant (6092h) and SI unit (60A8h) of positions.
+    """Factor objects of an axis: gear ratio (6091h), feed constant (6092h) and SI unit (60A8h) of positions.
 
     The factors are in the order of `FACTORS`.
     """
@@ -101,7 +101,7 @@ class AxisUnits(NamedTuple):
 
     @property
     def are_wire_units(self) -> bool:
-        """True if the unit is the wire unit, whatever its name."""
+        """True if the unit is the wire unit, with any SI unit."""
         wire = od.UNITS_PER_REVOLUTION * self.motor_revolutions * self.feed_revolutions
         return wire == self.shaft_revolutions * self.feed != 0
 
@@ -111,11 +111,11 @@ class AxisUnits(NamedTuple):
 
 
 WIRE_UNITS: Final = AxisUnits(1, 1, od.UNITS_PER_REVOLUTION, 1, INCREMENTS << 16)
-"""The units of an axis after power-up."""
+"""Default units of an axis."""
 
 
 def read_units(axis: AxisClient) -> AxisUnits:
-    """Read an axis' units; one that has no such objects counts in wire units and cannot do otherwise."""
+    """Read an axis' units; an axis without these objects always uses wire units."""
     try:
         return AxisUnits(*map(axis.read, (*FACTORS, od.SI_UNIT_POSITION)))
     except DeviceFaultError:
@@ -123,6 +123,6 @@ def read_units(axis: AxisClient) -> AxisUnits:
 
 
 def _unit_text(word: int) -> str:
-    """Return the unit that 60A8h names, such as "10^-3 deg"."""
+    """Return the name of the unit in 60A8h, such as "10^-3 deg"."""
     prefix, unit = (word >> 24 ^ 0x80) - 0x80, SI_UNITS.get(word >> 16 & 0xFF, f"unit 0x{word:08X}")
     return f"10^{prefix} {unit}" if prefix else unit

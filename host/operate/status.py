@@ -1,7 +1,7 @@
-"""Read a machine's status: from its nodes' own reports and, while no trajectory is streamed, by SDO.
+"""Read a machine's status from its nodes' reports and, while no trajectory is streamed, by SDO.
 
-A node serves one SDO dialogue at a time, so SDO requests could disturb a program that streams. While one does, only the
-trajectory's speed is asked for, in one frame; other values that only SDO can read are None.
+A node serves one SDO transfer at a time, so SDO requests could disturb a program that streams. During a stream only the
+trajectory's speed is read by SDO, in one frame; the other values that need SDO are None.
 """
 
 from dataclasses import asdict, dataclass
@@ -33,55 +33,55 @@ class QueueHealth:
     free: int
     """Number of free places, of 64."""
     flags: tuple[str, ...]
-    """Names of the flags that are set."""
+    """Names of the set flags."""
     accepted: int | None = None
-    """Number of records taken since power-up."""
+    """Number of accepted records since power-up."""
     gaps: int | None = None
-    """Number of times that records were missing."""
+    """Number of gaps in the sequence of records."""
     overflows: int | None = None
-    """Number of times that a record found the queue full."""
+    """Number of records dropped because the queue was full."""
     underruns: int | None = None
-    """Number of times that the queue ran dry while the axis moved."""
+    """Number of times that the queue became empty while the axis moved."""
     least_fill: int | None = None
     """Smallest number of records in the queue while the axis ran."""
     delayed_steps: int | None = None
-    """Number of pulses that had to wait for the driver's timing."""
+    """Number of steps delayed by the driver's timing."""
 
 
 @dataclass(frozen=True, slots=True)
 class AxisStatus:
-    """The status of one axis and its joint; values that only SDO can read are None while a trajectory is streamed."""
+    """Status of one axis and its joint; values that need SDO are None while a trajectory is streamed."""
 
     name: str
     node_id: int
     operational: bool
-    """True while the node exchanges process data."""
+    """True in the NMT state OPERATIONAL."""
     state: str
-    """The drive's state, as CiA 402 writes it."""
+    """Name of the drive's state in CiA 402."""
     mode: str
     moving: bool
     position: float
-    """The joint's position by the step counters, in `unit`."""
+    """Position of the joint by the step counters, in `unit`."""
     position_known: bool
-    """True if the position counts from the joint's zero."""
+    """True if the joint has a position reference."""
     unit: str
     error: str | None
     error_code: int | None
-    """The present error's code in CiA 402, 0 without error; None while a trajectory is streamed."""
+    """Present error code, 0 without error; None while a trajectory is streamed."""
     history: tuple[str, ...] | None = None
-    """Errors since power-up, the newest first."""
+    """Errors since power-up, newest first."""
     emergency_stopped: bool | None = None
-    """True from `steptwin estop` until the fault reset, which alone lets the axis move again."""
+    """True from `steptwin estop` until a fault reset; the axis cannot move meanwhile."""
     inputs: tuple[str, ...] | None = None
     """Names of the active digital inputs."""
     supply_v: float | None = None
     temperature_degc: float | None = None
     queue: QueueHealth | None = None
-    """The PVT queue; None if the node has not reported it."""
+    """PVT queue; None if the node has not reported it."""
     frames_lost: int | None = None
-    """Number of the node's frames, since power-up, that the bus was too busy to take."""
+    """Number of the node's frames that were lost on the busy bus since power-up."""
     emergencies_lost: int | None = None
-    """Number of EMCYs, since power-up, that were lost because the node may send only so many of them."""
+    """Number of EMCYs that were lost since power-up because of the inhibit time."""
 
     @property
     def in_fault(self) -> bool:
@@ -91,21 +91,21 @@ class AxisStatus:
 
 @dataclass(frozen=True, slots=True)
 class MachineStatus:
-    """The status of all axes, and the tool's pose if every position is known."""
+    """Status of all axes, and pose of the tool if every joint has a position reference."""
 
     robot: str
     streaming: bool
     axes: tuple[AxisStatus, ...]
     pose: PoseDocument | None
     inputs: dict[str, bool] | None
-    """Whether each input of the robot's file is on; None while a trajectory is streamed."""
+    """Levels of the inputs in the robot file; None while a trajectory is streamed."""
     speed_percent: float | None
-    """Present speed of the trajectory in percent of the planned one, 0 in a pause; None without one."""
+    """Present speed of the trajectory in percent of the planned one, 0 in a pause; None without trajectory."""
     skews: dict[str, float]
-    """How far each second motor is ahead of its joint's own, by the step counters, in the joint's unit; by its axis."""
+    """Lead of each second motor over the joint's first motor, by its axis' name, in the joint's unit."""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the JSON document of the status; without second motors it has no skews."""
+        """Return the JSON document of the status; it has no skews if there are no second motors."""
         document = asdict(self)
         if not self.skews:
             del document["skews"]
@@ -113,7 +113,7 @@ class MachineStatus:
 
 
 def read_status(session: Session) -> MachineStatus:
-    """Read the status of the machine; nothing on the machine changes.
+    """Read the status of the machine without changing it.
 
     Raises:
         BusError: a node does not answer.
@@ -207,7 +207,7 @@ def active_inputs(axis: AxisClient) -> tuple[str, ...]:
 
 
 def error_history(axis: AxisClient) -> tuple[str, ...]:
-    """Read the errors since power-up by SDO; return them in words, the newest first."""
+    """Read the errors since power-up by SDO; return their names, newest first."""
     count = min(axis.read(od.ERROR_HISTORY_COUNT), HISTORY_DEPTH)
     codes = [axis.read(address) & 0xFFFF for address in od.ERROR_HISTORY[:count]]
     return tuple(f"{error_text(code)} (0x{code:04X})" for code in codes)

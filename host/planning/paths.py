@@ -1,8 +1,8 @@
-"""Paths of the tool: straight lines, arcs, curves through sampled poses and turns, as functions of the length.
+"""Paths of the tool: straight lines, arcs, curves through sampled poses and rotations, as functions of the length.
 
-A path gives poses of shape (n, task.width) and their derivatives by the length s in mm, tool velocities of shape
-(n, task.rates), for lengths of shape (n,) in [0, length_mm]. The tool turns in proportion to the length. The paths
-share this file because each is only a few formulas that follow this convention.
+For lengths s of shape (n,) in [0, length_mm], a path returns poses of shape (n, task.width) and their derivatives by s
+in mm, which are tool velocities of shape (n, task.rates). The tool turns in proportion to the length. All paths are in
+this file because each consists of a few formulas with this convention.
 """
 
 from dataclasses import dataclass
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 
 
 class OutOfReachError(InputError):
-    """A path leaves the mechanism's reach or comes near a singularity, or a joint leaves its limits."""
+    """A path leaves the mechanism's reach, is too close to a singularity, or a joint leaves its limits."""
 
 
 _PLACE: Final = 3
-"""Columns of a place: x, y and z in mm."""
+"""Number of columns of a position: x, y and z in mm."""
 
 
 class ToolPath(Protocol):
@@ -49,7 +49,7 @@ class ToolPath(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class FreeAttitude:
-    """A path without its attitudes, which are NaN, for a tool that cannot turn by itself."""
+    """A path with NaN as attitudes, for a tool without its own rotation."""
 
     path: ToolPath
 
@@ -73,7 +73,7 @@ class FreeAttitude:
 
 @dataclass(frozen=True, slots=True)
 class StraightLine:
-    """A line that is straight in every column of a pose; raises InputError if both ends are at the same place."""
+    """A straight line in every column of a pose; raises InputError if both ends are at the same position."""
 
     start: Pose
     goal: Pose
@@ -110,7 +110,7 @@ class Arc:
         onward: shape (3,), unit vector of the motion at the start.
         radius_mm: radius of the circle.
         sweep_rad: angle from start to goal, above 0; below 2 pi if made by `through`.
-        attitudes_deg: phi at start and goal; None for an arc of places alone, without phi.
+        attitudes_deg: phi at start and goal; None for an arc of positions without phi.
     """
 
     centre_mm: FloatArray
@@ -122,9 +122,9 @@ class Arc:
 
     @classmethod
     def through(cls, start: Pose, via_mm: tuple[float, float, float], goal: Pose) -> Self:
-        """Return the arc from a SCARA's pose or a place through a place to another.
+        """Return the arc from a SCARA's pose, or a position, through a position to another one.
 
-        Raises InputError if the three places lie on a line, as they do where two of them are one.
+        Raises InputError if the three positions are on a line, or if two of them are equal.
         """
         a, b, c = np.array(start[:3]), np.array(via_mm), np.array(goal[:3])
         normal = np.cross(b - a, c - a)
@@ -142,10 +142,10 @@ class Arc:
 
     @classmethod
     def around(cls, start: Pose, centre_mm: tuple[float, float], sweep_deg: float, *, turned: bool) -> Self:
-        """Return the horizontal arc from a pose or a place around a vertical axis, counter-clockwise seen from above.
+        """Return the horizontal arc from a pose or position around a vertical axis, counter-clockwise from above.
 
-        A negative sweep goes clockwise, one beyond 360 degrees goes round several times. With `turned` phi turns along,
-        otherwise it stays. Raises InputError if the start is on the axis.
+        A negative sweep is clockwise; one above 360 degrees makes several turns. With `turned`, phi turns with the arc,
+        otherwise it is constant. Raises InputError if the start is on the axis.
         """
         centre = np.array([*centre_mm, start[2]])
         spoke = np.array(start[:3]) - centre
@@ -163,7 +163,7 @@ class Arc:
         return self.radius_mm * self.sweep_rad
 
     def poses(self, s_mm: FloatArray) -> FloatArray:
-        """Return poses of shape (n, 4), or places of shape (n, 3)."""
+        """Return poses of shape (n, 4), or positions of shape (n, 3)."""
         angle = s_mm[:, np.newaxis] / self.radius_mm
         points = self.centre_mm + self.radius_mm * (np.cos(angle) * self.outward + np.sin(angle) * self.onward)
         if self.attitudes_deg is None:
@@ -190,7 +190,7 @@ def _centre(a: FloatArray, b: FloatArray, c: FloatArray, normal: FloatArray) -> 
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """A turn of a SCARA's tool on the spot; its parameter is the angle in degrees, in place of a length in mm."""
+    """A rotation of a SCARA's tool at one position; its parameter is the angle in degrees instead of a length in mm."""
 
     start: Pose
     angle_deg: float
@@ -201,7 +201,7 @@ class Turn:
         return abs(self.angle_deg)
 
     def poses(self, s_mm: FloatArray) -> FloatArray:
-        """Return poses of shape (n, 4), all at one place."""
+        """Return poses of shape (n, 4), all at one position."""
         return np.array(self.start) + s_mm[:, np.newaxis] * self._rate
 
     def derivatives(self, s_mm: FloatArray) -> FloatArray:
@@ -215,13 +215,13 @@ class Turn:
 
 @dataclass(frozen=True, slots=True)
 class OnTheSpot:
-    """A path that stays at one place while the tool turns; its parameter is the angle, in degrees."""
+    """A path at one position while the tool turns; its parameter is the angle in degrees."""
 
     place_mm: Pose
     length_mm: float
 
     def poses(self, s_mm: FloatArray) -> FloatArray:
-        """Return places of shape (n, 3), all equal."""
+        """Return positions of shape (n, 3), all equal."""
         return np.tile(np.array(self.place_mm), (len(s_mm), 1))
 
     def derivatives(self, s_mm: FloatArray) -> FloatArray:
@@ -231,14 +231,14 @@ class OnTheSpot:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Oriented:
-    """A path of places, on which the tool turns in space in proportion to the length."""
+    """A path of positions, on which the tool turns in space in proportion to the length."""
 
     places: ToolPath
     turning: Turning
 
     @property
     def length_mm(self) -> float:
-        """Length of the path of places."""
+        """Length of the path of positions."""
         return self.places.length_mm
 
     def poses(self, s_mm: FloatArray) -> FloatArray:
@@ -252,9 +252,9 @@ class Oriented:
 
 
 def straight(task: Task, start: Pose, goal: Pose) -> ToolPath:
-    """Return the straight way from a pose to another, on which the tool turns by the one shortest rotation.
+    """Return the straight path from a pose to another, on which the tool makes the shortest rotation.
 
-    Raises InputError if both are at the same place, or the tool turns by half a turn or more in space.
+    Raises InputError if both are at the same position, or if the tool turns by half a turn or more in space.
     """
     if task.is_flat:
         return StraightLine(start, goal)
@@ -280,10 +280,10 @@ class SampledPath:
 
     @classmethod
     def through(cls, poses: FloatArray, smoothing: Smoothing) -> Self:
-        """Return the curve through poses of shape (n, task.width); every column is interpolated as given.
+        """Return the curve through poses of shape (n, task.width), each column of which is interpolated.
 
         Raises:
-            InputError: there are fewer than three poses, or two successive ones are at the same place.
+            InputError: there are fewer than three poses, or two successive ones are at the same position.
         """
         if len(poses) < 3:
             raise InputError(f"a curve through {len(poses)} poses: it takes at least 3")
@@ -311,23 +311,22 @@ class SampledPath:
 
 
 EVENNESS: Final = 0.005
-"""Largest part by which the tool's speed differs from that of the parameter."""
-
+"""Largest relative difference between the speeds of the tool and of the parameter."""
 _PARTS_MIN, _PARTS_MAX = 16, 1024
-"""Number of parts into which the curve between two poses is divided to measure it: as many as EVENNESS takes."""
+"""Bounds of the number of parts in which the curve between two poses is measured; EVENNESS determines it."""
 _BETWEEN: Final = np.arange(1, 8) / 8
-"""Places in a part where the speed is checked."""
+"""Points in a part at which the speed is checked."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 """Gauss' nodes and weights for the length of a part: exact for polynomials of degree 11."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EvenPath:
-    """A curve through poses, as a function of its length to within EVENNESS; made by `of`.
+    """A curve through poses as a function of its length, with a relative error up to EVENNESS; made by `of`.
 
     Attributes:
-        path: the curve, over the length of the polygon through the poses.
-        parameter: that length as a function of the true one, with a continuous second derivative.
+        path: the curve as a function of the length of the polygon through the poses.
+        parameter: length of the polygon as a function of the curve's length, with a continuous second derivative.
     """
 
     path: SampledPath
@@ -335,7 +334,7 @@ class EvenPath:
 
     @classmethod
     def of(cls, path: SampledPath) -> Self:
-        """Return a curve over its true length; raise InputError if the tool turns back on the spot somewhere on it."""
+        """Return a curve as a function of its true length; raise InputError if it reverses at a point."""
         parts = _PARTS_MIN
         while True:
             check_planning_time()
@@ -352,7 +351,7 @@ class EvenPath:
 
     @classmethod
     def _measured(cls, path: SampledPath, parts: int) -> Self:
-        """Return the curve, measured in this number of parts between two poses."""
+        """Return the curve, measured with a number of parts between two poses."""
         poses_at = path.curve.x
         knots = np.interp(np.arange(parts * (len(poses_at) - 1) + 1) / parts, np.arange(len(poses_at)), poses_at)
         half = np.diff(knots)[:, np.newaxis] / 2
@@ -363,7 +362,7 @@ class EvenPath:
         return cls(path, scipy.interpolate.CubicSpline(lengths_mm, knots, bc_type=((1, begin), (1, end))))
 
     def unevenness(self) -> FloatArray:
-        """Return the largest part by which the speed is off in each part of the curve."""
+        """Return the largest relative speed error in each part of the curve."""
         s_mm = self.parameter.x
         between_mm = (s_mm[:-1, np.newaxis] + np.diff(s_mm)[:, np.newaxis] * _BETWEEN).ravel()
         off = np.abs(np.linalg.norm(self.derivatives(between_mm)[:, :3], axis=1) - 1)
@@ -383,13 +382,13 @@ class EvenPath:
         return np.asarray(self.path.derivatives(self._polygon_mm(s_mm)) * self.parameter(s_mm, 1)[:, np.newaxis])
 
     def _polygon_mm(self, s_mm: FloatArray) -> FloatArray:
-        """Return the length of the polygon, which rounding must not lead beyond its end: there is no curve."""
+        """Return the length of the polygon, limited to its end, beyond which there is no curve."""
         return np.asarray(np.clip(self.parameter(s_mm), 0.0, self.path.length_mm))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TurnedCurve:
-    """A curve through poses whose tool turns in space: the orientations' columns are made of length 1 again."""
+    """A curve through poses whose tool turns in space: the columns of orientations are normalised."""
 
     task: Task
     curve: EvenPath
@@ -415,7 +414,7 @@ class TurnedCurve:
 
 
 def curve_through(task: Task, poses: FloatArray, smoothing: Smoothing) -> ToolPath:
-    """Return the smooth curve through poses of shape (n, task.width); raise InputError as SampledPath and EvenPath."""
+    """Return the smooth curve through poses of shape (n, task.width); raises as SampledPath and EvenPath."""
     curve = EvenPath.of(SampledPath.through(task.continued(poses), smoothing))
     return curve if task.is_flat else TurnedCurve(task, curve)
 

@@ -1,13 +1,14 @@
-"""Find a plan's time in a capture: when its t = 0 was, and how much faster or slower the analyser's clock runs.
+"""Fit a plan's time to a capture: the instant of its t = 0, and the ratio between the clocks of plan and analyser.
 
-1. The density of signed steps, of plan and capture, is correlated at all offsets; the best is near the motion. The sign
-   of each axis' part tells whether its DIR is inverted.
-2. From there steps are paired: the k-th with the k-th where both make the same steps, else those that are each other's
-   nearest. The offset at which most are near is taken first, within some steps of the coarse one.
-3. A weighted line of least squares through the pairs' instants gives offset and ratio; a step at a high speed tells the
-   time better. Pairs far off the line are left out, and the fit is repeated, over a growing part of the motion.
+1. The densities of signed steps of plan and capture are correlated at all offsets; the best one is near the motion. The
+   sign of each axis' contribution shows whether its DIR is inverted.
+2. From there steps are paired: the k-th with the k-th if both make the same steps, else mutual nearest ones. The search
+   starts at the offset with the most close pairs, within some steps of the coarse one.
+3. A weighted least-squares line through the pairs' instants gives offset and ratio; steps at a high speed have a higher
+   weight. Pairs far off the line are removed, and the fit is repeated over a growing part of the motion.
 
-Steps of another rule are all early or late by a part of a step, which looks like an offset in time.
+A controller with another step rule makes all steps early or late by a fraction of a step, which looks like an offset in
+time.
 """
 
 from collections.abc import Sequence
@@ -33,15 +34,15 @@ from steptwin.host.verify.oracle import IdealSteps, ideal_steps
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _AS_MUCH: Final = 0.2
-"""Difference in likeness up to which an axis moves as a plan says."""
+"""Largest difference in correlation of an axis that still moves as planned."""
 _NEAR_STEPS: Final = 0.3
 _AS_NEAR: Final = 0.97
-"""Part of the most pairs near a line that another line must have near it to be taken for it."""
+"""Least fraction of the best line's close pairs with which another line is equivalent."""
 _ALL_NEAR: Final = 0.999
 _SAME_SPREAD_STEPS: Final = 1e-3
 _PAIRINGS_OF_PART: Final = 3
 _PAIRINGS: Final = 20
-"""Times that a part of the motion, and at last all of it, is paired and fitted until both settle."""
+"""Highest number of iterations of pairing and fitting, for a part of the motion and for all of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,14 +50,14 @@ class ClockFit:
     """A plan's time in a capture: an instant t of the plan is at offset_s + ratio * t of the capture.
 
     Attributes:
-        offset_s: the capture's time at the plan's t = 0.
-        ratio: seconds of the capture in a second of the plan.
+        offset_s: time of the capture at the plan's t = 0.
+        ratio: seconds of the capture per second of the plan.
         offset_uncertainty_s: standard error of the offset.
-        ratio_uncertainty: likewise of the ratio.
-        pairs: number of pairs of steps that tell it.
-        inverted: the axes that turn the other way, by index.
-        swapped: pairs of axes, by index, each of which moves as the other should.
-        found: False if no offset shows the plan; the first step then stands for its first.
+        ratio_uncertainty: standard error of the ratio.
+        pairs: number of pairs of steps in the fit.
+        inverted: indices of the axes that turn in the opposite direction.
+        swapped: pairs of indices of axes that are exchanged.
+        found: False if no offset matches the plan; then both first steps are aligned.
     """
 
     offset_s: float
@@ -70,17 +71,17 @@ class ClockFit:
 
     @property
     def ppm(self) -> float:
-        """How much more time the analyser counts than the plan, in parts per million."""
+        """Deviation of the analyser's clock from the plan, in ppm; positive if it counts more time."""
         return (self.ratio - 1.0) * 1e6
 
     def plan_s(self, times_s: FloatArray) -> FloatArray:
-        """Return instants of the capture in the plan's time."""
+        """Convert instants of the capture to the plan's time."""
         planned_s: FloatArray = (times_s - self.offset_s) / self.ratio
         return planned_s
 
 
 def fit_clock(ideal: Sequence[IdealSteps], seen: Sequence[SeenSteps]) -> ClockFit:
-    """Fit a plan's ideal steps to those seen, axis by axis; raise InputError if they lie too far apart in time."""
+    """Fit a plan's ideal steps to the captured ones, axis by axis; raise InputError if these are too scattered."""
     coarse_s, likeness = coarse_offset(ideal, seen)
     first = [steps.time_s[0] for steps in seen if steps.time_s.size]
     if coarse_s is None or not first:
@@ -102,9 +103,9 @@ def fit_clock(ideal: Sequence[IdealSteps], seen: Sequence[SeenSteps]) -> ClockFi
 
 
 def begun_by_steps(expected: Expectation, evidence: Evidence) -> Evidence:
-    """Return evidence whose t = 0 is where its steps show the plan, for a controller that tells nobody when it begins.
+    """Return evidence whose t = 0 is determined by its steps, for a controller that does not report its start.
 
-    Its clock is the evidence's. Where the plan is not found, its first step stands for the plan's first.
+    The clock's ratio does not change. If the plan is not found, both first steps are aligned.
     """
     zeros = tuple(round(float(expected.axis_position(axis, np.zeros(1))[0])) for axis in range(len(evidence.axes)))
     ideal = ideal_steps(expected.axis_motion, expected.steps_per_unit, zeros)
@@ -115,7 +116,7 @@ def begun_by_steps(expected: Expectation, evidence: Evidence) -> Evidence:
 
 
 def _swapped(likeness: FloatArray, moving: Sequence[int]) -> tuple[tuple[int, int], ...]:
-    """Return the pairs of axes each of which moves as the other should, and not as itself should."""
+    """Return the pairs of exchanged axes: each moves as planned for the other one."""
     alike = np.abs(np.abs(likeness) - 1.0) < _AS_MUCH
     astray = [i for i in moving if not alike[i, i]]
     return tuple((i, j) for i in astray for j in astray if i < j and alike[i, j] and alike[j, i])
@@ -124,7 +125,8 @@ def _swapped(likeness: FloatArray, moving: Sequence[int]) -> tuple[tuple[int, in
 def _best(found: "Sequence[_Found]") -> tuple[ClockLine, tuple[float, float], int]:
     """Return the best line, its errors and the number of its pairs.
 
-    Steps lost put counts off for good, but leave the pairs near; a rough controller leaves few of them near any line.
+    After lost steps the counts differ permanently, but pairs stay close. With an inexact controller few pairs are close
+    to any line.
     """
     most = max(each.near for each in found)
     near = [each for each in found if each.near >= _AS_NEAR * most]
@@ -134,15 +136,15 @@ def _best(found: "Sequence[_Found]") -> tuple[ClockLine, tuple[float, float], in
 
 
 class _Found(NamedTuple):
-    """A line, and what speaks for it.
+    """A line and its quality.
 
     Attributes:
         line: the line.
-        errors: of its offset and ratio.
+        errors: errors of its offset and ratio.
         pairs: number of pairs.
-        near: how many of them are near the line.
-        spread_steps: how far off it they usually are.
-        apart_steps: how far the counts are off on it, added over some steps.
+        near: number of pairs close to the line.
+        spread_steps: typical distance of a pair from the line.
+        apart_steps: sum of the differences in counts, over some steps.
     """
 
     line: ClockLine
@@ -154,7 +156,7 @@ class _Found(NamedTuple):
 
 
 def _fitted(pairs: AxisPairs, line: ClockLine, until_s: float) -> _Found:
-    """Return the line of the whole motion that grows from one of its beginning."""
+    """Extend a line that fits the beginning of the motion to the whole motion."""
     end_s = max(float(plan.time_s[-1]) for plan, _ in pairs)
     line = with_late(pairs, line, until_s)
     while True:

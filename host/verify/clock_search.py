@@ -1,8 +1,8 @@
-"""Search a capture for a plan: the offset at which both are most alike, to some steps.
+"""Search a capture for a plan: the offset of best correlation, with an error of some steps.
 
-1. The density of signed steps, of plan and capture, is correlated at all offsets. Its bins are as wide as the unknown
-   ratio of the clocks blurs the offset: 0.3 % of the motion.
-2. Around the best offset the counts are compared, over shorter and shorter parts of the motion's beginning.
+1. The densities of signed steps of plan and capture are correlated at all offsets. The width of their bins is the blur
+   by the unknown ratio of the clocks: 0.3 % of the motion.
+2. Around the best offset the counts are compared, over ever shorter parts of the motion's beginning.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -17,31 +17,32 @@ from steptwin.host.verify.oracle import IdealSteps
 
 BIN_S: Final = 1e-3
 _PPM_SEARCHED: Final = 3000e-6
-"""Ratio up to which the plan is found; far less passes."""
+"""Largest deviation of the clocks' ratio in the search; verification allows far less."""
 _BINS_MAX: Final = 1 << 24
-"""Bins of a correlation, of 130 MB each."""
+"""Highest number of bins of a correlation: 130 MB for each array."""
 _LEAST_LIKENESS: Final = 0.3
-"""Part of the plan's steps that the best offset must find."""
+"""Least correlation of the best offset, as a fraction of the plan's steps."""
 _WINDOW_S: Final = 1.0
 _LEAST_SAMPLES: Final = 100
-"""The part of the motion that is looked at last: so long, and steps of all axes."""
+"""Shortest part of the motion that is compared: duration, and number of steps of all axes."""
 _BINS_OFF: Final = 2.0
-"""Bins by which the best offset may be off: speeds that are constant for long make it blunt."""
+"""Error of the best offset in bins: long constant speeds make the maximum flat."""
 _SHORTER: Final = 4.0
 _GRID: Final = 8
-"""Offsets and ratios to either side that are tried first."""
+"""Number of offsets and ratios to each side in the first grid."""
 _FINE_S: Final = 2e-6
-"""Distance of two offsets at which the comparison ends."""
+"""Spacing of offsets at which the search ends."""
 _GRIDS_MAX: Final = 60
 _AROUND: Final = np.arange(-2, 3)
 _SAMPLES: Final = 200
-"""Steps of an axis at which the counts are compared."""
+"""Number of steps of an axis at which the counts are compared."""
 
 
 def coarse_offset(ideal: Sequence[IdealSteps], seen: Sequence[SeenSteps]) -> tuple[float | None, FloatArray]:
-    """Return the offset at which plan and capture are most alike, and each seen axis' likeness to each plan.
+    """Return the offset of best correlation, and the correlation of each captured axis with each planned axis.
 
-    The likeness is 1 if all steps of the plan are there at this offset, and -1 if all are there the other way.
+    The correlation is 1 if all planned steps are found at this offset, and -1 if all are found in the opposite
+    direction.
     """
     likeness = np.zeros((len(seen), len(ideal)))
     planned_s = max((float(each.time_s[-1]) for each in ideal if each.time_s.size), default=0.0)
@@ -75,14 +76,14 @@ def _density(time_s: FloatArray, signs: Int8Array, bin_s: float, size: int) -> F
 
 
 def _bin_s(lasts_s: float) -> float:
-    """Return the time by which an offset is blurred over a motion, since the ratio is not known."""
+    """Return the blur of an offset over a motion, caused by the unknown ratio."""
     return max(BIN_S, _PPM_SEARCHED * lasts_s)
 
 
 def _drawn_together(seen: Sequence[SeenSteps], gap_s: float) -> tuple[list[SeenSteps], Callable[[float], float]]:
-    """Return the steps without the time in which nothing moves for longer, and how much time is left out before one.
+    """Return the steps with pauses longer than `gap_s` removed, and a function that returns the time removed before.
 
-    So the work goes by the number of steps and not by the last instant.
+    So the effort depends on the number of steps, not on the last instant.
     """
     instants = np.sort(np.concatenate([np.zeros(1), *(steps.time_s for steps in seen)]))
     rests_s = np.diff(instants)
@@ -95,9 +96,9 @@ def _drawn_together(seen: Sequence[SeenSteps], gap_s: float) -> tuple[list[SeenS
 
 
 def alignments(pairs: AxisPairs, coarse_s: float) -> Iterator[tuple[ClockLine, float]]:
-    """Yield the lines on which the counts are most like the plan's, and how far each looked: all of it, then less.
+    """Yield the lines with the smallest difference in counts, and the part of the motion that each one has used.
 
-    The whole motion tells most, but where many steps are lost, only its beginning does.
+    The first one uses the whole motion, which is most exact. If many steps are lost, only the beginning matches.
     """
     begin_s, end_s = (edge(float(plan.time_s[at]) for plan, _ in pairs) for edge, at in ((min, 0), (max, -1)))
     offset_s, reach_s, lasts_s = coarse_s, _BINS_OFF * _bin_s(end_s), end_s - begin_s
@@ -107,9 +108,9 @@ def alignments(pairs: AxisPairs, coarse_s: float) -> Iterator[tuple[ClockLine, f
         ]
         line = _most_alike(samples, begin_s, lasts_s, offset_s, reach_s, 2 * len(pairs))
         yield line, begin_s + lasts_s
-        if begin_s + lasts_s >= end_s:  # all of it tells a rule whose steps up and down are late alike, too
-            ways = [way for each in samples for way in each.one_way()]
-            yield _most_alike(ways, begin_s, lasts_s, offset_s, reach_s, 2 * len(pairs)), end_s
+        if begin_s + lasts_s >= end_s:  # the whole motion also shows a rule with equal lateness in both directions
+            parts = [part for each in samples for part in each.by_direction()]
+            yield _most_alike(parts, begin_s, lasts_s, offset_s, reach_s, 2 * len(pairs)), end_s
         steps = sum(each.at_s.size for each in samples)
         if lasts_s <= _WINDOW_S or steps < _LEAST_SAMPLES:
             return
@@ -118,7 +119,7 @@ def alignments(pairs: AxisPairs, coarse_s: float) -> Iterator[tuple[ClockLine, f
 
 
 class _Samples(NamedTuple):
-    """Some steps of one axis' plan, by instants and counts, and the steps seen likewise."""
+    """Samples of one axis: instants and counts of the plan and of the capture."""
 
     at_s: FloatArray
     counts: FloatArray
@@ -133,19 +134,19 @@ class _Samples(NamedTuple):
         some = slice(None, size, -(-size // _SAMPLES))
         return cls(plan.time_s[some], _middles(plan.signs)[some], plan.signs[some], seen.time_s, _middles(seen.signs))
 
-    def one_way(self) -> "list[_Samples]":
-        """Return those up and those down, where there are any."""
-        ways = (self.signs == sign for sign in (1, -1))
+    def by_direction(self) -> "list[_Samples]":
+        """Return the samples of steps up and of steps down separately."""
+        masks = (self.signs == sign for sign in (1, -1))
         return [
-            self._replace(at_s=self.at_s[way], counts=self.counts[way], signs=self.signs[way])
-            for way in ways
-            if way.any()
+            self._replace(at_s=self.at_s[mask], counts=self.counts[mask], signs=self.signs[mask])
+            for mask in masks
+            if mask.any()
         ]
 
     def off_steps(self, offsets_s: FloatArray, ratios: FloatArray) -> FloatArray:
-        """Return by how many steps the counts seen are off the plan's, added, for each offset with its ratio.
+        """Return the sum of differences between captured and planned counts, for each offset with its ratio.
 
-        What they are off all the time does not count: that may have been homing, or the controller's step rule.
+        A constant difference is ignored: homing or the controller's step rule may cause it.
         """
         due_s = offsets_s[:, np.newaxis] + np.outer(ratios, self.at_s)
         apart = np.interp(due_s, self.seen_s, self.seen_counts) - self.counts
@@ -154,15 +155,15 @@ class _Samples(NamedTuple):
 
 
 def _middles(signs: Int8Array) -> FloatArray:
-    """Return the counts at the instants of the steps: between the one before and the one after."""
+    """Return the counts at the instants of the steps: the mean of those before and after."""
     counts: FloatArray = np.cumsum(signs, dtype=np.int64) - 0.5 * signs
     return counts
 
 
 def _most_alike(
-    samples: Sequence[_Samples], begin_s: float, lasts_s: float, offset_s: float, reach_s: float, ways: int
+    samples: Sequence[_Samples], begin_s: float, lasts_s: float, offset_s: float, reach_s: float, directions: int
 ) -> ClockLine:
-    """Return the line, up to `reach_s` from an offset, on which the counts seen are least off the plan's."""
+    """Return the line with the smallest difference in counts, within `reach_s` of an offset."""
     middle_s = begin_s + lasts_s / 2.0
     best_s, best = offset_s + middle_s, 1.0
     step_s, step, nodes = reach_s / _GRID, _PPM_SEARCHED / _GRID, np.arange(-_GRID, _GRID + 1)
@@ -172,15 +173,15 @@ def _most_alike(
         edge = max(abs(at_s[at] - best_s) / step_s, abs(ratios[at] - best) / step) > 1.5
         best_s, best = float(at_s[at]), float(ratios[at])
         if nodes.size == _AROUND.size and edge:
-            continue  # it lies farther along a valley
+            continue  # the minimum is farther along a valley
         if step_s < _FINE_S:
             break
         nodes, step_s, step = _AROUND, step_s / 2.0, step / 2.0
-    return ClockLine(best_s - best * middle_s, best, np.zeros(ways))
+    return ClockLine(best_s - best * middle_s, best, np.zeros(directions))
 
 
 def apart_steps(pairs: AxisPairs, line: ClockLine) -> float:
-    """Return by how much the counts seen are off the plan's on a line, added over some steps of all axes."""
+    """Return the sum of differences between captured and planned counts on a line, over some steps of all axes."""
     samples = [_Samples.of(plan, seen, float(plan.time_s[-1])) for plan, seen in pairs]
     offset_s, ratio = np.array([line.offset_s]), np.array([line.ratio])
-    return float(sum(way.off_steps(offset_s, ratio)[0] for each in samples for way in each.one_way()))
+    return float(sum(part.off_steps(offset_s, ratio)[0] for each in samples for part in each.by_direction()))

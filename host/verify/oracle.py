@@ -1,14 +1,14 @@
-"""Compute the ideal steps: the instants when the planned motion itself crosses the step thresholds.
+"""Compute the ideal steps: the instants at which the planned motion crosses the step thresholds.
 
-The step rule, with H = 1/2 + 1/16 step: a counter n goes up when p(t) >= n + H and down when p(t) <= n - H, where p is
-the planned joint position in steps. The oracle applies the rule to the trajectory's own continuous functions. It shares
-nothing with the firmware that it judges: no integers, no ticks, no chords.
+The step rule, with H = 1/2 + 1/16 step: a counter n increases when p(t) >= n + H and decreases when p(t) <= n - H,
+where p is the planned joint position in steps. The oracle applies the rule to the continuous functions of the
+trajectory. It shares nothing with the firmware that it checks: no integers, no ticks, no chords.
 
-The method: sample the motion every millisecond; find its turning points and add them. Between two extremes the motion
-is then monotone and passes its thresholds in order. Two samples bracket each crossing; solve all crossings together.
+The method: sample the motion every millisecond, and add its turning points. Between two extremes the motion is monotone
+and crosses its thresholds in order. Two samples bracket each crossing; all crossings are solved together.
+Chandrupatla's method uses inverse quadratic interpolation if three points promise convergence, and bisection otherwise.
+A smooth function needs about five evaluations, any continuous function hardly more than bisection.
 
-Chandrupatla's method interpolates inversely quadratically if three points promise convergence, and bisects otherwise. A
-smooth function costs about five evaluations, any continuous function hardly more than bisection.
 
 Source: T. R. Chandrupatla, "A new hybrid quadratic/bisection algorithm for finding the zero of a nonlinear function
 without using derivatives", Advances in Engineering Software 28 (1997) 145-149.
@@ -29,7 +29,7 @@ from steptwin.host.planning.trajectory import Trajectory, states
 IndexArray = NDArray[np.intp]
 
 Functions = Callable[[FloatArray, IndexArray], FloatArray]
-"""Return values at abscissae of shape (m,); the second argument holds the index of the function for each abscissa."""
+"""Returns values at abscissae of shape (m,); the second argument is the index of the function for each abscissa."""
 
 MAX_EVALUATIONS = 200
 
@@ -42,10 +42,10 @@ def bracketed_roots(
     f_high: FloatArray,
     tolerance: float,
 ) -> FloatArray:
-    """Return the root of each of n functions, shape (n,), to within twice the tolerance.
+    """Return the root of each of n functions, shape (n,), with an error of at most twice the tolerance.
 
-    All arrays have shape (n,). The signs of f_low and f_high differ, or one of them is 0. An empty bracket
-    (low == high) is its own root.
+    All arrays have shape (n,). The signs of f_low and f_high differ, or one of them is 0. The root of an empty bracket
+    (low == high) is its bound.
     """
     roots = np.where(f_low == 0.0, low, high)
     which = np.flatnonzero((f_low != 0.0) & (f_high != 0.0) & (low < high))
@@ -71,7 +71,7 @@ def bracketed_roots(
 def _next_fraction(
     a: FloatArray, b: FloatArray, c: FloatArray, f_a: FloatArray, f_b: FloatArray, f_c: FloatArray
 ) -> FloatArray:
-    """Return the next abscissa as a fraction of the way from a to b: interpolated if that is safe, else the middle."""
+    """Return the next abscissa as a fraction of the interval a to b: interpolated if that is safe, else the middle."""
     xi = (a - b) / (c - b)
     phi = (f_a - f_b) / (f_c - f_b)
     safe = (phi**2 < xi) & ((1.0 - phi) ** 2 < 1.0 - xi)
@@ -82,24 +82,24 @@ def _next_fraction(
 
 
 HYSTERESIS_STEPS = 1 / 16
-"""Distance beyond the middle between two steps that a motion must go, so that noise at the middle makes no steps."""
+"""Hysteresis of a step beyond the middle between two positions: noise at the middle makes no steps."""
 
 THRESHOLD_STEPS = 1 / 2 + HYSTERESIS_STEPS
-"""H of the step rule: the counter steps as soon as the position is this far away from it."""
+"""H of the step rule: distance between position and counter at which the counter changes."""
 
 SAMPLES_PER_SECOND = 1000
 SAMPLES_PER_CHUNK = 8192
-"""Number of samples taken at once; it bounds the memory for any length of the trajectory."""
+"""Number of samples that are computed at once, which bounds the memory."""
 
 CROSSINGS_PER_CHUNK = 65_536
-"""Number of crossings solved at once, for the same reason."""
+"""Number of crossings that are solved at once, which bounds the memory."""
 
 CROSSINGS_MAX = 1 << 26
-"""Number of ideal steps of all axes together: an hour of six axes at 3 kHz each; they take 2.5 GB."""
+"""Highest number of ideal steps of all axes together: an hour of six axes at 3 kHz each, 2.5 GB."""
 
 TIME_TOLERANCE_S = 1e-11
 NEGLIGIBLE_OVERSHOOT_STEPS = 1e-9
-"""Smallest overshoot of a turning point over its neighbouring samples; less is rounding noise of a joint at rest."""
+"""Least overshoot of a turning point over its neighbouring samples; less is rounding noise at standstill."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,10 +108,10 @@ class IdealSteps:
 
     Attributes:
         start_steps: the counter before the first step.
-        time_s: shape (steps,), instant of each crossing in the trajectory's time.
+        time_s: shape (steps,), trajectory time of each crossing.
         signs: shape (steps,), direction of each step, +1 or -1.
         speeds_hz: shape (steps,), speed of the motion at the threshold, in steps per second, never negative.
-        turning_s: shape (m,), instants when the position is locally extreme, and the end.
+        turning_s: shape (m,), instants of local extremes of the position, and the end.
     """
 
     start_steps: int
@@ -128,7 +128,7 @@ class IdealSteps:
 
 @dataclass(frozen=True, slots=True)
 class _Brackets:
-    """Crossings to solve: between low_s and high_s the axis' position in steps passes its threshold."""
+    """Crossings to solve: between low_s and high_s the axis' position in steps crosses its threshold."""
 
     axis: IndexArray
     signs: Int8Array
@@ -150,7 +150,7 @@ _NO_BRACKETS = _Brackets(np.empty(0, np.intp), np.empty(0, np.int8), *(np.empty(
 
 
 class _AxisCounter:
-    """Follow one axis by the step rule: hold its counter and the crossings found so far."""
+    """Applies the step rule to one axis; holds its counter and the crossings found so far."""
 
     def __init__(self, axis: int, start_steps: int) -> None:
         self._axis = axis
@@ -160,14 +160,14 @@ class _AxisCounter:
         self._solved: list[tuple[FloatArray, Int8Array, FloatArray]] = []
 
     def passes(self, position_steps: FloatArray) -> float:
-        """Return about how many crossings `follow` will find in the samples; it may be infinite."""
+        """Return an estimate of the number of crossings in the samples; it may be infinite."""
         return float(np.abs(np.diff(position_steps, prepend=self._counter)).sum())
 
     def follow(self, t_s: FloatArray, position_steps: FloatArray) -> list[_Brackets]:
-        """Return the crossings in samples that contain every extreme and begin where the last samples ended."""
+        """Return the crossings in samples, which contain all extremes and begin at the end of the last ones."""
         extremes = _extremes(position_steps)
         self._turning_s.append(t_s[extremes[1:]])
-        bounds = [0, *extremes.tolist()]  # the empty first run steps at once if the start is beyond a threshold
+        bounds = [0, *extremes.tolist()]  # the empty first run makes steps if the start is beyond a threshold
         runs = (self._run(t_s, position_steps, first, last) for first, last in pairwise(bounds))
         return [run for run in runs if run is not None]
 
@@ -206,13 +206,13 @@ class _AxisCounter:
 def ideal_steps(
     trajectory: Trajectory, steps_per_unit: FloatArray, start_steps: tuple[int, ...]
 ) -> tuple[IdealSteps, ...]:
-    """Return every axis' ideal steps, their instants solved to 0.1 ns or better.
+    """Return the ideal steps of every axis, with instants exact to 0.1 ns.
 
     Args:
         trajectory: the planned motion.
         steps_per_unit: shape (joints,), steps per mm or degree; a negative value reverses the count.
-        start_steps: each axis' counter at t = 0. A counter beyond a threshold from the planned start makes its steps
-            at t = 0.
+        start_steps: counter of each axis at t = 0. If it is beyond a threshold from the planned start, its steps are
+            made at t = 0.
 
     Raises:
         InputError: the motion takes more than CROSSINGS_MAX steps.
@@ -237,7 +237,7 @@ def ideal_steps(
 
 
 def _grids(duration_s: float) -> Iterator[FloatArray]:
-    """Yield the sample times in chunks; each chunk begins with the last time of the chunk before."""
+    """Yield the sample times in chunks; each chunk begins with the last time of the previous one."""
     samples = max(1, ceil(duration_s * SAMPLES_PER_SECOND))
     for first in range(0, samples, SAMPLES_PER_CHUNK):
         last = min(first + SAMPLES_PER_CHUNK, samples)
@@ -247,7 +247,7 @@ def _grids(duration_s: float) -> Iterator[FloatArray]:
 def _samples(
     trajectory: Trajectory, steps_per_unit: FloatArray, grid_s: FloatArray
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield for each axis the times and positions in steps, on the grid and at the turning points between."""
+    """Yield for each axis the times and positions in steps, on the grid and at the turning points between its times."""
     position_steps, velocity_hz = (values * steps_per_unit for values in states(trajectory, grid_s))
     _check_finite(trajectory, grid_s, position_steps)
     cell, axis = _turning_cells(velocity_hz)

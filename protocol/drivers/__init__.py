@@ -1,4 +1,4 @@
-"""Drivers as data, by which the emulator counts and within which the host plans: chips, and what is around them."""
+"""Stepper drivers as data: the chip, its circuit and its settings. The emulator and the host's planner use them."""
 
 from typing import Final
 
@@ -38,7 +38,7 @@ PROFILES: Final = {profile.name: profile for profile in (*_TB6560, *_CARRIERS, *
 
 
 def driver_names() -> tuple[str, ...]:
-    """Return all drivers that a robot file may name; the generic one needs the file's own figures."""
+    """Return all driver names that a robot file may use; for "generic" the file must give the figures."""
     return (*PROFILES, GENERIC)
 
 

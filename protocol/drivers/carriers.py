@@ -1,6 +1,6 @@
-"""Chips on small carrier boards, wired straight to the board's pins: Allegro's, TI's and Trinamic's.
+"""Driver chips of Allegro, TI and Trinamic on small carrier boards, wired directly to the board's pins.
 
-Straps or registers choose the mode, a trimmer or a register the current.
+Straps or registers select the microstep mode; a trimmer or a register sets the current.
 """
 
 from dataclasses import replace

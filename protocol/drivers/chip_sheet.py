@@ -1,10 +1,10 @@
-"""What a chip's datasheet says, as data: how it counts steps, which currents it sets, what it does in trouble.
+"""Chip datasheets as data: step timing, microstep modes, currents and protections.
 
-Every chip is a record of this one kind. The emulator counts by it, the host plans within it, and docs/driver.md is made
-of it. A driver module without a known chip has such a record of its own. Each fact says where it is from: a source's
-own words, another file's quotation, or a guess. In a table the levels of some pins select a value. The oscillator is
-the TB6560's: the capacitor at OSC sets the chopping rate and the shortest CLK pulse that counts; its pages are those of
-Toshiba's datasheet "TB6560AHQ/AFG" of 2014-10-01.
+Every chip is one `ChipSheet`, and so is a driver module whose chip is unknown. The emulator, the host's planner and
+docs/driver.md use it. Each fact has its source and a grade: read in the source, quoted by another document, or assumed.
+
+The oscillator is the TB6560's. The capacitor at OSC sets the chopping rate and the shortest CLK pulse that counts. Its
+pages are those of Toshiba's datasheet "TB6560AHQ/AFG" of 2014-10-01.
 """
 
 from collections.abc import Mapping
@@ -16,22 +16,22 @@ from typing import Final, Generic, NamedTuple, TypeVar
 from steptwin.protocol.timer import COUNTS_PER_SECOND, COUNTS_PER_US, counts_of_ns
 
 OSCILLATIONS_PER_CHOP: Final = 4
-"""Periods of the oscillator in one chopping period (pages 16 and 20)."""
+"""Oscillator periods in one chopping period (pages 16 and 20)."""
 
 OSCILLATOR_MAX_HZ: Final = 600_000
-"""Upper end of the operating range (pages 6 to 8), which has no lower end."""
+"""Highest oscillator frequency (pages 6 to 8). The datasheet gives no lowest one."""
 
 OSC_PF_MIN: Final = 64
-"""Smallest capacitor, in whole pF, with which the oscillator keeps to it by the formula of `Oscillator.hz`."""
+"""Smallest capacitor, in whole pF, that keeps the oscillator below its limit (formula of `Oscillator.hz`)."""
 
 _CLK_WIDTH_MIN_US: Final = {100.0: 10.0, 330.0: 30.0, 1000.0: 90.0}
-"""t_W(CLK) at the capacitors for which the datasheet states it (page 8); only 330 pF is tested in production."""
+"""Shortest CLK pulse by capacitor in pF: t_W(CLK), page 8. Only 330 pF is tested in production."""
 Value = TypeVar("Value")
 
 
 @dataclass(frozen=True, slots=True)
 class Oscillator:
-    """A capacitor at OSC, in pF; raises ValueError unless it is positive and large enough for the operating range."""
+    """Oscillator with a capacitor at OSC, in pF; raises ValueError if the capacitor is too small."""
 
     osc_pf: float
 
@@ -46,34 +46,34 @@ class Oscillator:
 
     @property
     def hz(self) -> float:
-        """Frequency by the datasheet's approximation (page 25): 400 kHz at 100 pF."""
+        """Frequency by the approximation of the datasheet (page 25): 400 kHz at 100 pF."""
         return 1e6 / (self.osc_pf * 1.5 * (10 / self.osc_pf + 1) / 66)
 
     @property
     def chopping_hz(self) -> float:
-        """How many times a second the current is regulated."""
+        """Chopping frequency: how often per second the current is regulated."""
         return self.hz / OSCILLATIONS_PER_CHOP
 
     @property
     def clk_width_min_us(self) -> float:
-        """Shortest time for which CLK is high: the datasheet's figure, or else 4 periods of the oscillator."""
+        """Shortest high time of CLK: the datasheet's figure, or 4 oscillator periods if it gives none."""
         return _CLK_WIDTH_MIN_US.get(self.osc_pf, 4e6 / self.hz)
 
     @property
     def clk_width_min_counts(self) -> int:
-        """The same in counts of the board's timer, rounded up."""
+        """Shortest high time of CLK in timer counts, rounded up."""
         return ceil(self.clk_width_min_us * COUNTS_PER_US)
 
 
 class Grade(StrEnum):
-    """How a fact is known."""
+    """Reliability of a fact."""
 
     STATED = "stated"
     """Read in the source itself."""
     QUOTED = "quoted"
-    """Another file quotes the source, which itself was not read."""
+    """Quoted by another document; the source itself was not read."""
     ASSUMED = "assumed"
-    """No source says so; in the source's place stands the reason."""
+    """Not in any source; `Fact.source` gives the reason instead."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ class Fact(Generic[Value]):
 
 
 def quoted(value: Value, source: str) -> Fact[Value]:
-    """Return a fact that is known from a quotation."""
+    """Return a fact that another document quotes."""
     return Fact(value, source, Grade.QUOTED)
 
 
@@ -97,11 +97,11 @@ def assumed(value: Value, reason: str) -> Fact[Value]:
 
 @dataclass(frozen=True, slots=True)
 class PinTable(Generic[Value]):
-    """Values by the levels of pins.
+    """Truth table: the levels of some pins select a value.
 
     Attributes:
-        pins: names of the pins, or of the switches and register bits that act like pins.
-        rows: each value with a letter for each pin: `L`, `H`, or `-` where the level does not matter.
+        pins: names of the pins, or of switches and register bits.
+        rows: values, each with one letter per pin: `L`, `H`, or `-` for any level.
     """
 
     pins: tuple[str, ...]
@@ -109,16 +109,16 @@ class PinTable(Generic[Value]):
 
     @property
     def values(self) -> tuple[Value, ...]:
-        """All values once, in the datasheet's order."""
+        """All values in the order of the datasheet, each once."""
         return tuple(dict(self.rows))
 
     def levels(self, value: Value) -> dict[str, int]:
-        """Return levels of the pins that select a value, by its first row; KeyError if none do."""
+        """Return the pin levels that select a value, from its first row; raise KeyError if no row has it."""
         letters = dict(reversed(self.rows))[value]
         return {pin: int(letter == "H") for pin, letter in zip(self.pins, letters, strict=True)}
 
     def selected(self, levels: Mapping[str, int]) -> Value | None:
-        """Return the value that levels select; None where the datasheet names none."""
+        """Return the value that pin levels select; None if the datasheet has no such row."""
         shown = "".join("LH"[levels[pin]] for pin in self.pins)
         for value, letters in self.rows:
             if all(letter in (level, "-") for letter, level in zip(letters, shown, strict=True)):
@@ -127,21 +127,21 @@ class PinTable(Generic[Value]):
 
 
 def always(value: Value) -> PinTable[Value]:
-    """Return the table of a value that no pin changes."""
+    """Return the table of a fixed value, which no pin changes."""
     return PinTable((), ((value, ""),))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepTimes:
-    """Times that a driver needs at STEP, DIR and ENABLE, under LinuxCNC's names; None: its source states none.
+    """Minimum times at STEP, DIR and ENABLE, named as in LinuxCNC; None if the source gives no figure.
 
     Attributes:
-        steplen_ns: from the active edge of STEP until it goes back.
-        stepspace_ns: before the active edge, likewise.
+        steplen_ns: active pulse of STEP.
+        stepspace_ns: pause between two pulses of STEP.
         dirsetup_ns: DIR stable before the active edge.
-        dirhold_ns: DIR stable after it.
+        dirhold_ns: DIR stable after the active edge.
         enable_ns: from ENABLE until the first active edge.
-        wake_ns: from the supply, or the end of reset and sleep, until the first active edge.
+        wake_ns: from power-up, or the end of reset or sleep, until the first active edge.
         rate_max_hz: highest step rate.
     """
 
@@ -159,12 +159,12 @@ class StepTimes:
         return 0 if fact is None else int(fact.value)
 
     def counts(self, name: str) -> int:
-        """Return a time by its name in counts of the board's timer, rounded up."""
+        """Return a time by its name in timer counts, rounded up."""
         return counts_of_ns(self.ns(name))
 
 
 class Release(StrEnum):
-    """What lets the outputs come on again after a shutdown, once the cause is gone."""
+    """Action that switches the outputs on again after a shutdown, once the cause is gone."""
 
     COOLING = "nothing more"
     ENABLE = "ENABLE off"
@@ -174,7 +174,7 @@ class Release(StrEnum):
 
 
 class Shutdown(NamedTuple):
-    """Thermal shutdown: the junction's limit, how far it must fall below it, and what must happen then."""
+    """Thermal shutdown: limit of the junction temperature, hysteresis, and the release after cooling."""
 
     celsius: int
     hysteresis_k: int
@@ -182,14 +182,14 @@ class Shutdown(NamedTuple):
 
 
 class OutputPin(NamedTuple):
-    """A pin that tells something, and its level then: that the field is in its home state, or of a fault."""
+    """A status output, and its level while active (home state or fault)."""
 
     pin: str
     level: int
 
 
 class OverVoltage(NamedTuple):
-    """The highest motor supply beyond which the outputs switch off, and what must happen then."""
+    """Overvoltage shutdown: limit of the motor supply, and the release."""
 
     volt: int
     release: Release
@@ -200,38 +200,41 @@ _UNPROTECTED: Final = assumed(Release.NEVER, "no source describes a protection: 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChipSheet:
-    """A chip. Phase A's current is the cosine of the field's angle, phase B's its sine, and DIR low turns it forward.
+    """A chip, or a driver module whose chip is unknown.
+
+    The current of phase A is the cosine of the field angle, the current of phase B its sine. DIR low turns the field
+    forward.
 
     Attributes:
-        name: of the chip, or of the driver that hides it.
-        document: title and revision of its source.
-        rails: its supplies, in their order of switching on.
-        logic_rail: the one with which it counts.
-        times: what it needs at its pins.
-        modes: microsteps by levels.
-        mode_in_reset: the mode may change in reset only; None: at any time.
-        ordered_power: supplies and inputs must come in order: the rails, then the inputs, and go in reverse; None: no
-            order is asked for.
-        torque_percent: part of the full current by levels.
-        fast_decay_percent: part of a chopping period with fast decay by levels.
-        home_deg: the field's electrical angle at power-up and in reset.
-        home_full_deg: the same in full steps.
-        vector_percent: a phase's current in equal steps from 0 to 90 degrees after its peak; None: a sine.
-        both_full: in full steps both phases carry the full current, not 71 % of it.
-        home_output: tells of the home state; None: no pin does.
-        fault_output: tells that the outputs are shut down; None: no pin does.
-        blocked: STEP is ignored while ENABLE is off; else the counter goes on, only the outputs are off.
-        on_delay_ns: from ENABLE to the outputs.
-        off_delay_ns: likewise to off.
-        shutdown: None: it has no thermal shutdown that a source describes.
-        overcurrent: what ends the latch with which it answers a short circuit or too much current.
-        overvoltage: None: a supply that is too high does not switch it off, as far as a source says.
-        current_law: how the full current is set, in words.
-        current_max_a: highest current of a phase, at its peak.
-        sense_ohm: usual resistors in series with the phases.
-        on_resistance_ohm: of both switches of a bridge.
+        name: name of the chip or module.
+        document: title and revision of the source.
+        rails: supply pins, in their power-up order.
+        logic_rail: supply of the step counter.
+        times: minimum times at its pins.
+        modes: microsteps per full step by pin levels.
+        mode_in_reset: True if the mode may change in reset only; None if at any time.
+        ordered_power: True if power-up must be in order: the rails, then the inputs, and power-down in reverse; None if
+            in any order.
+        torque_percent: percent of the full current by pin levels.
+        fast_decay_percent: percent of a chopping period with fast decay by pin levels.
+        home_deg: electrical angle of the field at power-up and in reset.
+        home_full_deg: the same in full-step mode.
+        vector_percent: phase current in equal steps from 0 to 90 degrees after its peak; None for a sine.
+        both_full: True if both phases carry the full current in full-step mode, not 71 % of it.
+        home_output: output that is active in the home state; None if there is none.
+        fault_output: output that is active during a shutdown; None if there is none.
+        blocked: True if STEP is ignored while ENABLE is off; False if the counter continues without outputs.
+        on_delay_ns: from ENABLE on until the outputs are on.
+        off_delay_ns: from ENABLE off until the outputs are off.
+        shutdown: thermal shutdown; None if no source describes one.
+        overcurrent: release of the latch after a short circuit or overcurrent.
+        overvoltage: overvoltage shutdown; None if no source describes one.
+        current_law: formula or method by which the full current is set, as text.
+        current_max_a: highest phase current, at its peak.
+        sense_ohm: usual sense resistor of a phase.
+        on_resistance_ohm: both switches of a bridge together.
         supply_v: lowest and highest motor supply.
-        oscillator: the capacitor that sets its shortest pulse; None: it has none.
+        oscillator: oscillator that determines the shortest pulse; None if it has none.
     """
 
     name: str
@@ -265,30 +268,30 @@ class ChipSheet:
 
     @property
     def microsteps(self) -> tuple[int, ...]:
-        """The modes, from full steps on."""
+        """Microstep modes in rising order."""
         return tuple(sorted(self.modes.value.values))
 
     @property
     def substeps(self) -> int:
-        """Parts of a full step that each step of each mode, and each home angle, is a whole number of.
+        """Substeps per full step: each step of each mode, and each home angle, is a whole number of substeps.
 
-        This unit keeps positions exact for any chip: 16 for a TB6560, 256 for a TMC2209, 16 000 for a DM542.
+        So positions are exact for any chip. A TB6560 has 16 substeps, a TMC2209 256, a DM542 16 000.
         """
         return lcm(2, *self.microsteps)
 
     @property
     def terminals(self) -> tuple[str, ...]:
-        """Its supplies, and the inputs that are held at a level."""
+        """Supply pins, and inputs with a static level."""
         tables = (self.modes, self.torque_percent, self.fast_decay_percent)
         return (*self.rails, "RESET", "ENABLE", *(pin for table in tables for pin in table.value.pins))
 
     @property
     def period_min_counts(self) -> int:
-        """Shortest time between two pulses that it counts, 0 if no source bounds the rate."""
+        """Shortest period between two counted pulses; 0 if no source limits the rate."""
         rate = self.times.rate_max_hz
         return 0 if rate is None else COUNTS_PER_SECOND // rate.value
 
     @property
     def pulse_min_counts(self) -> int:
-        """Shortest pulse that it counts."""
+        """Shortest pulse that is counted."""
         return self.oscillator.clk_width_min_counts if self.oscillator else self.times.counts("steplen_ns")

@@ -1,6 +1,6 @@
-"""A driver as it stands at an axis connector: a chip, what is around it, and how it is usually set.
+"""Driver profiles: a chip, the circuit around it and its usual settings.
 
-One that no profile describes is the user's, with what its manual says in a robot file's table [board.driver].
+A user describes any other driver by the figures of its manual, in the robot file's table [board.driver].
 """
 
 from bisect import bisect
@@ -13,16 +13,16 @@ from steptwin.protocol.drivers.chip_sheet import ChipSheet, Fact, PinTable, Step
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 GENERIC: Final = "generic"
-"""Name of the profile that is made of these figures."""
+"""Name of the profile that is made from the robot file's figures."""
 
 _FILE: Final = "robot file, board.driver"
-_UNTOLD: Final = f"not told: {_FILE} has no key for it"
+_NO_KEY: Final = f"not told: {_FILE} has no key for it"
 _MODE_BITS: Final = 5
-"""Bits of a register that selects among up to 17 microstep modes."""
+"""Width of the register that selects one of up to 17 microstep modes."""
 
 
 class ActiveEdge(StrEnum):
-    """The edge of STEP that makes a driver step."""
+    """The edge of STEP that triggers a step."""
 
     RISING = "rising"
     FALLING = "falling"
@@ -30,7 +30,7 @@ class ActiveEdge(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Coupler:
-    """An optocoupler or a wire, with its delays in ns for a level that becomes high or low at the chip's pin."""
+    """An optocoupler or a wire: delays in ns until the chip's pin becomes high or low."""
 
     to_high_ns: int = 0
     to_low_ns: int = 0
@@ -38,7 +38,7 @@ class Coupler:
 
 @dataclass(frozen=True, slots=True)
 class Cooling:
-    """Cooling of a chip; the default is the TB6560's bare package in still air."""
+    """Cooling of a chip; the default is a TB6560 without heat sink in still air."""
 
     resistance_k_per_w: float = 25.0
     capacity_j_per_k: float = 4.0
@@ -46,17 +46,17 @@ class Cooling:
 
     @property
     def time_constant_counts(self) -> float:
-        """Time until 63 % of a change of temperature is over."""
+        """Thermal time constant: 63 % of a temperature change takes this long."""
         return self.resistance_k_per_w * self.capacity_j_per_k * COUNTS_PER_SECOND
 
 
 class CurrentSetting(NamedTuple):
-    """A row of a module's table of currents.
+    """A row of the current table that is printed on a module.
 
     Attributes:
-        printed_a: the current of the table, by which it is chosen.
-        full_a: current of 100 percent with these switches.
-        torque_percent: part of it that the switches select at the chip's pins.
+        printed_a: current in the table, which identifies the row.
+        full_a: current at 100 percent torque with these switches.
+        torque_percent: torque setting that the switches select at the chip's pins.
         switches: names of the switches that are ON.
     """
 
@@ -67,7 +67,7 @@ class CurrentSetting(NamedTuple):
 
 
 class InputLevels(NamedTuple):
-    """What STEP, DIR and ENABLE must be driven with: least voltage of a high level, and current, 0 without a light."""
+    """Drive requirement of STEP, DIR and ENABLE: lowest high voltage, and optocoupler current (0 for none)."""
 
     high_v: float
     light_ma: float = 0.0
@@ -83,30 +83,30 @@ _BARE: Final = Fact(Cooling(), "TB6560AHQ datasheet, pages 6 to 8")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriverProfile:
-    """A kind of driver, and its usual settings.
+    """A type of driver and its usual settings.
 
     Attributes:
-        name: its name in robot files and on the command line.
+        name: name in robot files and on the command line.
         title: description in one line.
-        chip: the chip.
-        times: what it needs at its terminals beyond the chip's times.
-        clk: part between STEP and CLK.
-        direction: part between DIR and the chip.
-        enable: part between EN and ENABLE; the wiring takes care of a low-active terminal.
-        active_edge: edge of STEP that makes the step.
-        enable_open: ENABLE at the chip if nothing is connected to EN: 0 for the chip's pull-down, 1 where a light
-            switches the chip off.
-        switched: switches, straps or registers of its own set mode, current and decay, and RESET is high with the
-            supply; else the board's pins do.
-        currents: the only currents that it can be set to; empty: any up to the chip's highest.
+        chip: its chip.
+        times: step times at its terminals that exceed those of the chip.
+        clk: coupler between STEP and CLK.
+        direction: coupler between DIR and the chip.
+        enable: coupler between EN and ENABLE; the wiring inverts a low-active terminal.
+        active_edge: edge of STEP that triggers a step.
+        enable_open: level of ENABLE at the chip if nothing is connected to EN: 0 by the chip's pull-down, 1 if current
+            in the optocoupler switches the chip off.
+        switched: True if switches, straps or registers of the driver set mode, current and decay, and RESET follows the
+            supply; False if the board's pins do.
+        currents: rows of its current table; None if any current up to the chip's highest can be set.
         current_a: usual phase current at full torque.
-        idle_percents: currents at standstill that can be chosen, in percent of the full current.
-        idle_percent: the usual one.
-        idle_ms: time from the last step until it begins.
+        idle_percents: available standstill currents, in percent of the full current.
+        idle_percent: usual standstill current.
+        idle_ms: time from the last step until the standstill current is set.
         fast_decay_percent: usual part of each chopping period with fast decay.
-        fault_terminal: the chip's fault output is at a terminal, so that it can be wired to the board.
-        inputs: levels at its terminals.
-        cooling: of the chip.
+        fault_terminal: True if the chip's fault output is at a terminal and can be wired to the board.
+        inputs: drive requirement of its terminals.
+        cooling: cooling of its chip.
         source: origin of the delays, for reports.
     """
 
@@ -133,19 +133,20 @@ class DriverProfile:
 
     @property
     def settling_ns(self) -> int:
-        """Time from ENABLE until it takes steps; ENABLE comes after the supply, so it is awake then, too."""
-        asked_ns = [times.ns(name) for times in (self.chip.times, self.times) for name in ("enable_ns", "wake_ns")]
-        return max(asked_ns) + self.enable.value.to_high_ns
+        """Time from ENABLE until the driver accepts steps; it includes the wake-up time after power-up."""
+        needed_ns = [times.ns(name) for times in (self.chip.times, self.times) for name in ("enable_ns", "wake_ns")]
+        return max(needed_ns) + self.enable.value.to_high_ns
 
     def mode(self, microsteps: int) -> int:
-        """Return microsteps that the driver has; raise ValueError, with the nearest ones, for others."""
+        """Return `microsteps` if the driver has this mode; else raise ValueError with the nearest ones."""
         return one_of(microsteps, self.chip.microsteps, f"{self.name}'s")
 
     def current(self, current_a: float) -> CurrentSetting:
-        """Return how the driver is set to a current.
+        """Return the driver's setting for a current.
 
         Raises:
-            ValueError: it is not positive, beyond the chip's highest, or none of the driver's; the nearest are named.
+            ValueError: the current is not positive, exceeds the chip's limit or is not in the driver's table; the
+                message names the nearest ones.
         """
         most_a = self.chip.current_max_a.value
         if self.currents is None:
@@ -156,11 +157,11 @@ class DriverProfile:
         return settings[one_of(current_a, tuple(settings), f"{self.name}'s", " A")]
 
     def idle(self, percent: int) -> int:
-        """Return a current at standstill that the driver has; raise ValueError, with the nearest ones, for others."""
+        """Return `percent` if the driver has this standstill current; else raise ValueError with the nearest ones."""
         return one_of(percent, self.idle_percents, f"{self.name}'s", " %")
 
     def fast_decay(self, percent: int) -> int:
-        """Return a part of fast decay that the driver has; raise ValueError, with the nearest ones, for others."""
+        """Return `percent` if the driver has this part of fast decay; else raise ValueError with the nearest ones."""
         return one_of(percent, self.chip.fast_decay_percent.value.values, f"{self.name}'s", " %")
 
 
@@ -168,7 +169,7 @@ Number = TypeVar("Number", int, float)
 
 
 def one_of(value: Number, choices: Sequence[Number], whose: str, unit: str = "") -> Number:
-    """Return a value if it is one of the choices; raise ValueError, which names all and the nearest ones, if not."""
+    """Return `value` if it is one of the choices; else raise ValueError that lists them and names the nearest."""
     if value in choices:
         return value
     ordered = sorted(choices)
@@ -181,21 +182,21 @@ def one_of(value: Number, choices: Sequence[Number], whose: str, unit: str = "")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriverFigures:
-    """What a user says of a driver; the times are those of `StepTimes`, and its active edge is the board's setting.
+    """A user's figures of a driver. The active edge of STEP is a setting of the board.
 
     Attributes:
-        microsteps: microsteps per full step that it has.
-        steplen_ns: from the active edge of STEP until it goes back.
-        stepspace_ns: before the active edge, likewise.
+        microsteps: available microsteps per full step.
+        steplen_ns: shortest active pulse of STEP.
+        stepspace_ns: shortest pause between two pulses of STEP.
         dirsetup_ns: DIR stable before the active edge.
-        dirhold_ns: DIR stable after it.
+        dirhold_ns: DIR stable after the active edge.
         enable_ns: from ENABLE until the first step.
-        wake_ns: from the supply until the first step.
-        step_rate_max_hz: highest step rate; None: that of the shortest pulses.
-        counts_while_off: STEP is counted while ENABLE is off, too; else it is ignored.
-        current_max_a: highest current of a phase, at its peak.
-        input_high_v: least voltage of a high level at STEP, DIR and ENABLE.
-        input_ma: current that an optocoupler takes there; 0: it has none.
+        wake_ns: from power-up until the first step.
+        step_rate_max_hz: highest step rate; None if the pulse times alone limit it.
+        counts_while_off: True if STEP is counted while ENABLE is off, False if it is ignored.
+        current_max_a: highest phase current, at its peak.
+        input_high_v: lowest high voltage at STEP, DIR and ENABLE.
+        input_ma: input current of an optocoupler; 0 for none.
     """
 
     microsteps: tuple[int, ...]
@@ -212,9 +213,9 @@ class DriverFigures:
     input_ma: float = 0.0
 
     def profile(self) -> DriverProfile:
-        """Return the driver's profile; what the table has no key for is assumed and says so."""
+        """Return the driver's profile; facts without a key in the robot file are marked as assumed."""
 
-        def told(key: str) -> Fact[int] | None:
+        def given(key: str) -> Fact[int] | None:
             value = getattr(self, key)
             return Fact(value, f"{_FILE}.{key}") if value else None
 
@@ -228,25 +229,25 @@ class DriverFigures:
             rails=("VM",),
             logic_rail="VM",
             times=StepTimes(
-                steplen_ns=told("steplen_ns"),
-                stepspace_ns=told("stepspace_ns"),
-                dirsetup_ns=told("dirsetup_ns"),
-                dirhold_ns=told("dirhold_ns"),
-                enable_ns=told("enable_ns"),
-                wake_ns=told("wake_ns"),
-                rate_max_hz=told("step_rate_max_hz"),
+                steplen_ns=given("steplen_ns"),
+                stepspace_ns=given("stepspace_ns"),
+                dirsetup_ns=given("dirsetup_ns"),
+                dirhold_ns=given("dirhold_ns"),
+                enable_ns=given("enable_ns"),
+                wake_ns=given("wake_ns"),
+                rate_max_hz=given("step_rate_max_hz"),
             ),
             modes=Fact(PinTable(tuple(f"MODE{bit}" for bit in reversed(range(_MODE_BITS))), modes), _FILE),
-            torque_percent=assumed(always(100), _UNTOLD),
-            fast_decay_percent=assumed(always(0), _UNTOLD),
-            home_deg=assumed(0.0, _UNTOLD),
-            home_full_deg=assumed(45.0, _UNTOLD),
+            torque_percent=assumed(always(100), _NO_KEY),
+            fast_decay_percent=assumed(always(0), _NO_KEY),
+            home_deg=assumed(0.0, _NO_KEY),
+            home_full_deg=assumed(45.0, _NO_KEY),
             blocked=Fact(not self.counts_while_off, f"{_FILE}.counts_while_off"),
-            current_law=assumed("by hand", _UNTOLD),
+            current_law=assumed("by hand", _NO_KEY),
             current_max_a=Fact(self.current_max_a, f"{_FILE}.current_max_a"),
-            sense_ohm=assumed(0.1, _UNTOLD),
-            on_resistance_ohm=assumed(0.5, _UNTOLD),
-            supply_v=assumed((0.0, 1000.0), _UNTOLD),
+            sense_ohm=assumed(0.1, _NO_KEY),
+            on_resistance_ohm=assumed(0.5, _NO_KEY),
+            supply_v=assumed((0.0, 1000.0), _NO_KEY),
         )
         return DriverProfile(
             name=GENERIC,

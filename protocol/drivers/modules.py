@@ -1,6 +1,6 @@
-"""Drivers in a case, whose makers do not name the chip: Leadshine's DM542, StepperOnline's DM542T, TB6600 modules.
+"""Driver modules whose makers do not name the chip: Leadshine DM542, StepperOnline DM542T, TB6600 modules.
 
-Switches choose mode and current; optocouplers stand at their inputs, whose delays the stated times contain.
+Switches select mode and current. Optocouplers are at the inputs; the stated times include their delays.
 """
 
 from dataclasses import replace
@@ -21,11 +21,11 @@ from steptwin.protocol.drivers.driver_profile import Cooling, CurrentSetting, Dr
 
 _IN_A_CASE: Final = assumed(Cooling(resistance_k_per_w=4.0, capacity_j_per_k=100.0), "its case is the heat sink")
 _HALF: Final = PinTable(("HALF",), ((100, "L"), (50, "H")))
-"""The current at standstill, which the driver itself halves."""
+"""Standstill current: the driver halves it by itself."""
 
 
 def _settings(pins: tuple[str, ...], rows: dict[float, str]) -> tuple[CurrentSetting, ...]:
-    """Return a table of currents by its letters: H for ON."""
+    """Return a current table from letters, one for each switch: H for ON."""
     on = {
         ampere: tuple(pin for pin, letter in zip(pins, row, strict=True) if letter == "H")
         for ampere, row in rows.items()

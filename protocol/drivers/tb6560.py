@@ -1,7 +1,7 @@
-"""The TB6560AHQ, and the drivers that are built with it.
+"""The TB6560AHQ chip and the drivers that use it.
 
-Source, cited by page throughout: Toshiba "TB6560AHQ/AFG", datasheet of 2014-10-01. The switches of the 3 A module
-follow from its table of currents and from sellers' descriptions, not from a schematic.
+All pages are those of the Toshiba datasheet "TB6560AHQ/AFG" of 2014-10-01. The switches of the 3 A module are taken
+from its table of currents and from sellers' descriptions, not from a schematic.
 """
 
 from dataclasses import replace
@@ -35,13 +35,13 @@ class PinKind(Enum):
     """Electrical kind of a pin."""
 
     INPUT = "input"
-    """Logic input with a pull-down of 100 kOhm: low while nothing is connected."""
+    """Logic input with a pull-down of 100 kOhm: low if nothing is connected."""
     OPEN_DRAIN = "open drain"
-    """Low or open; high only by a pull-up outside. Sinks up to 1 mA."""
+    """Pulls low or is open; an external pull-up makes it high. Sinks up to 1 mA."""
     BRIDGE = "bridge"
-    """An end of a motor's phase."""
+    """Output to one end of a motor phase."""
     PASSIVE = "passive"
-    """A resistor or capacitor is connected to ground."""
+    """Pin with a resistor or capacitor to ground."""
     SUPPLY = "supply"
     GROUND = "ground"
 
@@ -86,11 +86,11 @@ PINS: Final = (
 
 _SHEET: Final = "TB6560AHQ datasheet, page"
 SENSE_VOLT: Final = 0.5
-"""Voltage at the sense resistor at which charging stops (V_NF, typical, pages 6 to 8)."""
+"""Voltage at the sense resistor that ends charging (V_NF, typical, pages 6 to 8)."""
 
 
 def tb6560(osc_pf: float) -> ChipSheet:
-    """Return the chip with this capacitor at OSC; raise ValueError for a capacitor with which it does not work."""
+    """Return the chip with this capacitor at OSC; raise ValueError if the capacitor is too small for the oscillator."""
     oscillator = Oscillator(osc_pf)
     return replace(
         _TB6560,
@@ -134,7 +134,7 @@ _LOGIC: Final = Fact(InputLevels(2.0), f"{_SHEET} 7, V_IH")
 
 
 def bare_chip(osc_pf: float) -> DriverProfile:
-    """Return the profile of a chip on the board itself, with this OSC capacitor and wires alone."""
+    """Return the profile of a chip that is wired directly to the board, with this capacitor at OSC."""
     return DriverProfile(
         name=f"chip-{osc_pf:g}pf",
         title=f"TB6560AHQ wired straight to the board, {osc_pf:g} pF at OSC",
@@ -145,7 +145,7 @@ def bare_chip(osc_pf: float) -> DriverProfile:
 
 
 _SENSE_OHM: Final = {"SW1": 0.33, "SW2": 0.5, "SW3": 1.2}
-"""Read from a photograph of the board; SW1 to SW3 connect them in parallel, and S1 is TQ1."""
+"""Sense resistors by switch, read from a photograph. SW1 to SW3 connect them in parallel; S1 is TQ1."""
 
 
 def _setting(printed_a: float, *switches: str) -> CurrentSetting:

@@ -2,7 +2,6 @@
 
 import os
 import shutil
-from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -30,9 +29,7 @@ def target(tmp_path: Path) -> Path:
 def draw_nothing(patch: pytest.MonkeyPatch) -> None:
     """Let pictures be empty: these tests are about their files."""
     figure = pytest.importorskip("matplotlib.figure").Figure
-    pictures = import_module("steptwin.host.record.plots").PICTURES
-    for name in pictures:
-        patch.setitem(pictures, name, lambda *_: figure())
+    patch.setattr("steptwin.host.record.plots.picture.draw_picture", lambda *_: figure())
 
 
 def untouched(target: Path) -> bool:

@@ -10,18 +10,17 @@ import numpy as np
 import pytest
 
 from steptwin.host.cli.app import run
-from tests.run_pictures import with_pictures_drawn_here
+from tests.run_pictures import with_pictures
 
 pytest.importorskip("matplotlib")
 
 from matplotlib.figure import Figure
 
-from steptwin.host.record.folder.writing import DEFAULT_PICTURES
-from steptwin.host.record.plots import PICTURES
+from steptwin.host.record.plots import RUN_PICTURES, picture
 
 ROBOT = "teaching-scara"
 TOGETHER = ("robot.toml", "trajectory.csv", "edges.npz", "bus.log", "shelf.json", "trace.vcd", "report.json")
-WRITTEN = (*TOGETHER, *(f"{name}.png" for name in DEFAULT_PICTURES))
+WRITTEN = (*TOGETHER, *(f"{name}.png" for name in RUN_PICTURES))
 """The files of a run in the order in which they are written; the first of them appear together."""
 POINTS = "t,th1,th2,d3,th4\n0,0,10,0,0\n0.2,-1,12,1,-2\n"
 
@@ -48,8 +47,7 @@ def noise(*_: object) -> Figure:
 def _drawn_at_once() -> Iterator[None]:
     """Draw other pictures than a run's, which take a second each: these tests are about the files."""
     with pytest.MonkeyPatch.context() as patch:
-        for name in PICTURES:
-            patch.setitem(PICTURES, name, noise)
+        patch.setattr(picture, "draw_picture", noise)
         yield
 
 
@@ -63,7 +61,7 @@ def points(tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.fixture(scope="module")
 def stored(points: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("stored")
-    with with_pictures_drawn_here():
+    with with_pictures():
         assert run(["run", ROBOT, points, "--out", str(folder)]) == 0
     return folder
 
@@ -71,7 +69,7 @@ def stored(points: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.slow
 @pytest.mark.parametrize("bytes_max", [0, 10_000, 35_000, 60_000])
 def test_run(bytes_max: int, points: str, stored: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with files_up_to(bytes_max), with_pictures_drawn_here():
+    with files_up_to(bytes_max), with_pictures():
         assert run(["run", ROBOT, points, "--out", str(tmp_path)]) == 2
     name = next(name for name in WRITTEN if (stored / name).stat().st_size > bytes_max)
     assert_named(tmp_path / name, capsys)
@@ -87,7 +85,7 @@ def test_the_run_before_stays_whole(
     """No file of a run that was not kept stands beside those of the run before."""
     out = tmp_path / "out"
     shutil.copytree(stored, out)
-    with files_up_to(bytes_max), with_pictures_drawn_here():
+    with files_up_to(bytes_max), with_pictures():
         assert run(["run", ROBOT, points, "--out", str(out)]) == 2
     assert {path.name: path.read_bytes() for path in out.iterdir()} == {
         path.name: path.read_bytes() for path in stored.iterdir()

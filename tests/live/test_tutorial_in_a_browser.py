@@ -9,8 +9,8 @@ import pytest
 pytest.importorskip("nicegui", reason="the extra `panel` is not installed")
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.faults.kinds.limit_switches import StuckSwitch
 from steptwin.features.faults.kinds.machine import EmergencyStop
+from steptwin.features.faults.kinds.wiring import StuckSwitch
 from steptwin.features.panel.desk.commands import HomeAll, ResetFaults, RunMotion
 from steptwin.features.panel.desk.desk import Desk
 from steptwin.features.panel.desk.jogs import JointJog, ToolJog

@@ -1,15 +1,23 @@
-"""What may go wrong with an emulated machine, its bus and its host: one dataclass a harm, one module a family.
+"""What may go wrong with an emulated machine, its bus and its host: one class a fault, one module a family."""
 
-Harms are operations of the simulation.
+from collections.abc import Mapping
+from types import ModuleType
+from typing import Final
+
+from steptwin.features.faults.fault import Fault
+from steptwin.features.faults.kinds import bus, host, machine, wiring
+from steptwin.features.faults.reaction import Documented
+
+FAMILIES: Final[tuple[ModuleType, ...]] = (machine, wiring, bus, host)
+FAULTS: Final[Mapping[str, type[Fault]]] = {
+    each.do: each
+    for family in FAMILIES
+    for each in vars(family).values()
+    if isinstance(each, type) and issubclass(each, Fault) and each.__module__ == family.__name__ and hasattr(each, "do")
+}
+"""Every fault by its name in requests, in the order of help and docs: each class of the families that has such a name.
 """
-
-from steptwin.features.faults.kinds.bus import BUS
-from steptwin.features.faults.kinds.drivers import DRIVERS
-from steptwin.features.faults.kinds.harm import Harm
-from steptwin.features.faults.kinds.host import HOST
-from steptwin.features.faults.kinds.limit_switches import SWITCHES
-from steptwin.features.faults.kinds.machine import MACHINE
-from steptwin.features.faults.kinds.wiring import WIRES
-
-HARMS: tuple[type[Harm], ...] = (*MACHINE, *SWITCHES, *DRIVERS, *WIRES, *BUS, *HOST)
-"""Every harm for which a request asks, in the order of help and docs."""
+DOCUMENTED: Final[tuple[Documented, ...]] = tuple(
+    dict.fromkeys(row for fault in FAULTS.values() for row in fault.reactions)
+)
+"""Every row of the table of documented reactions."""

@@ -1,19 +1,30 @@
-"""Harms to the host, the program that drives the machine; only scenarios ask for them."""
+"""Faults of the host, the program that drives the machine; only scenarios have them."""
 
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, ClassVar, Final
+from math import inf
+from typing import TYPE_CHECKING, Annotated, Final
 
-from steptwin.features.faults.kinds.harm import Harm, Key, KeyKind, keyed
+from steptwin.features.faults.fault import Fault, Key
+from steptwin.features.faults.reaction import (
+    HEARTBEAT_MS,
+    HOST_LOST,
+    QUEUE_MS,
+    RUN_DRY,
+    Documented,
+    Motion,
+    Reaction,
+    stops,
+)
 from steptwin.host.common.errors import InputError
+from steptwin.protocol.cia402 import State
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 if TYPE_CHECKING:
     from steptwin.emulator.simulation import Simulation
+    from steptwin.features.faults.engine import Engine
 
 NO_HOST: Final = "'host' is for runs in virtual time; hosts of a live board are programs of their own"
-_NOT_ASKED: Final = "'host' is for scenarios of runs in virtual time; hosts of a live board are programs of their own"
-BY_MAX_S: Final = 86_400.0
-"""Longest time of a fault: a day."""
 
 
 class HostFaultKind(StrEnum):
@@ -38,8 +49,8 @@ _ENDING: Final = (HostFaultKind.HANG, HostFaultKind.LATE, HostFaultKind.DISORDER
 
 
 @dataclass(frozen=True, slots=True)
-class HostFault(Harm):
-    """A fault of the host.
+class HostFault(Fault):
+    """Something goes wrong with the host: only in scenarios.
 
     Attributes:
         kind: what goes wrong.
@@ -50,16 +61,42 @@ class HostFault(Harm):
         ValueError: a time is missing, negative, or means nothing for this kind.
     """
 
-    do: ClassVar[str] = "host"
-    does: ClassVar[str] = "something goes wrong with the host: only in scenarios"
-    once: ClassVar[bool] = True
+    do = "host"
+    once = True
+    reactions = (
+        Documented(
+            "host hangs, its heartbeat goes on",
+            stops(*RUN_DRY, begins_ms=QUEUE_MS, certain=False),
+            "the queues bridge it, up to the points that are in them",
+            lambda fault, _: fault.kind is HostFaultKind.HANG,
+        ),
+        Documented(
+            "host dies",
+            stops(*HOST_LOST, begins_ms=HEARTBEAT_MS),
+            "records of less than 6 ms run out before the heartbeat is missed",
+            lambda fault, _: fault.kind is HostFaultKind.DEATH,
+        ),
+        Documented(
+            "host dies and starts again",
+            Reaction(Motion.RAMP, HOST_LOST, State.OPERATION_ENABLED, HEARTBEAT_MS, certain=False),
+            "the new one waits for rest, resets the fault and enables the drives; the motion is not continued",
+            lambda fault, _: fault.kind is HostFaultKind.RESTART,
+        ),
+        Documented(
+            "host is late",
+            stops(*RUN_DRY, begins_ms=inf, certain=False),
+            "the queues bridge it, up to the points that are in them",
+            lambda fault, _: fault.kind is HostFaultKind.LATE,
+        ),
+        Documented(
+            "host sends points out of order",
+            stops(*RUN_DRY, begins_ms=inf, certain=False),
+            "the board reports each gap and the host sends the points again; if it lasts, the queues run dry",
+        ),
+    )
 
-    kind: HostFaultKind = field(
-        metadata=keyed(Key("how", KeyKind.WORD, choices={each.value: each for each in HostFaultKind}))
-    )
-    by_s: float = field(
-        default=0.0, metadata=keyed(Key("by_s", KeyKind.NUMBER, "SECONDS", 0, BY_MAX_S, "s", optional=True, told=True))
-    )
+    kind: Annotated[HostFaultKind, Key("how")]
+    by_s: Annotated[float, Key(metavar="SECONDS", least=0, most=86_400.0, unit="s", written=True)] = 0.0
 
     def __post_init__(self) -> None:
         if self.by_s < 0:
@@ -71,14 +108,71 @@ class HostFault(Harm):
 
     def apply(self, _simulation: "Simulation", _number: int) -> None:
         """Raise InputError: only the engine of a scenario knows the host."""
-        raise InputError(f"do: {_NOT_ASKED}")
+        raise InputError(f"do: {NO_HOST.replace('runs', 'scenarios of runs')}")
+
+    def begin(self, engine: "Engine", *, ends: bool) -> None:
+        engine.host.begin(self, engine.target.simulation.now_counts, ends=ends)
+
+    def end(self, engine: "Engine") -> None:
+        engine.host.end(self)
+
+    @property
+    def lasts_s(self) -> float | None:
+        """How long it hangs, if that is known."""
+        return (self.by_s or None) if self.kind is HostFaultKind.HANG else None
 
     def why_endless(self) -> str | None:
-        """Return why a scenario cannot end it; None if it can."""
-        if self.kind in _ENDING and not (self.kind is HostFaultKind.HANG and self.by_s):
+        if self.kind in _ENDING and not self.lasts_s:
             return None
         return "the host is gone" if self.kind is HostFaultKind.DEATH else "by_s says how long it lasts"
 
 
-HOST: Final = (HostFault,)
-"""The family."""
+@dataclass(slots=True)
+class HostCondition:
+    """The faults of the host that last.
+
+    Attributes:
+        dead: whether it has ended and sends nothing any more.
+        restart_counts: instant when another one takes over; None: none does.
+    """
+
+    dead: bool = False
+    restart_counts: int | None = None
+    _lasting: list[tuple[HostFault, bool]] = field(default_factory=list)
+    """The others, and whether it is known when each ends."""
+
+    def begin(self, fault: HostFault, now_counts: int, *, ends: bool = False) -> None:
+        """Let a fault begin; `ends`: it is known when it ends."""
+        if fault.kind in (HostFaultKind.DEATH, HostFaultKind.RESTART):
+            self.dead = True
+            if fault.kind is HostFaultKind.RESTART:
+                self.restart_counts = now_counts + round(fault.by_s * COUNTS_PER_SECOND)
+        else:
+            self._lasting.append((fault, ends))
+
+    def end(self, fault: HostFault) -> None:
+        """Let this very fault end; a dead host stays dead."""
+        self._lasting = [each for each in self._lasting if each[0] is not fault]
+
+    def _of(self, kind: HostFaultKind) -> list[tuple[HostFault, bool]]:
+        return [each for each in self._lasting if each[0].kind is kind]
+
+    @property
+    def hangs(self) -> bool:
+        """Whether the program stands still."""
+        return bool(self._of(HostFaultKind.HANG))
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether a program that stands still is known to go on."""
+        return all(ends for _, ends in self._of(HostFaultKind.HANG))
+
+    @property
+    def late_s(self) -> float:
+        """What each of its waits takes longer."""
+        return sum(fault.by_s for fault, _ in self._of(HostFaultKind.LATE))
+
+    @property
+    def disordered(self) -> bool:
+        """Whether it sends points out of order."""
+        return bool(self._of(HostFaultKind.DISORDER))

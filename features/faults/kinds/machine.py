@@ -1,134 +1,194 @@
-"""Harms to the machine itself: emergency stop, supply, temperature, sensors, motors, payload, the boards' logic."""
+"""Faults of the machine itself: emergency stop, supply, temperature, sensors, motors, payload, the boards' logic."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from steptwin.emulator import operations
-from steptwin.emulator.board.surroundings import PER_DEGC, PER_V
+from steptwin.emulator.board.environment import PER_DEGC, PER_V
 from steptwin.emulator.drivers.excitation import CYCLE_FULL_STEPS
-from steptwin.features.faults.kinds.harm import (
-    JOINT,
-    AxisHarm,
-    BoardHarm,
-    Harm,
-    Key,
-    KeyKind,
-    MachineHarm,
-    keyed,
+from steptwin.features.faults.fault import JOINT, AxisFault, BoardFault, Key, KeyKind, Keys, MachineFault
+from steptwin.features.faults.reaction import (
+    GOES_ON,
+    HOST_LOST,
+    LOST_BOARD_MS,
+    TICK_MS,
+    UNKNOWABLE,
+    Documented,
+    Motion,
+    Reaction,
+    stops,
 )
 from steptwin.host.common.errors import InputError
-from steptwin.protocol.cia402 import DigitalInput
+from steptwin.protocol.cia402 import DigitalInput, ErrorCode, State
 
 if TYPE_CHECKING:
     from steptwin.emulator.board.board import Board
-    from steptwin.emulator.board.surroundings import Surroundings
+    from steptwin.emulator.board.environment import BoardEnvironment
     from steptwin.emulator.simulation import Simulation
-
-FULL_STEPS_MAX: Final = 100_000
-"""Greatest number of full steps by which a motor slips."""
-PAYLOAD_MAX_KG: Final = 100.0
-"""More than any of these arms carries."""
-RESET_MS: Final = 3
-"""Usual duration of a reset, until the firmware runs again."""
-_OF_BOARD: Final = replace(JOINT, optional=True)
-"""Any joint of the board that is meant; none for all boards."""
+    from steptwin.features.faults.moment import Moment
+    from steptwin.host.client.control_client import ControlState
 
 
 @dataclass(frozen=True, slots=True)
-class EmergencyStop(BoardHarm):
-    """The emergency stop button is pressed or pulled out; all axes of the board see it."""
+class EmergencyStop(BoardFault):
+    """The emergency stop is pressed, or pulled out.
 
-    do: ClassVar[str] = "estop"
-    does: ClassVar[str] = "the emergency stop is pressed, or pulled out"
+    All axes of the board see it.
+    """
 
-    pressed: bool = field(metadata=keyed(Key("pressed", KeyKind.TRUTH)))
+    do = "estop"
+    reactions = (
+        Documented(
+            "emergency stop pressed",
+            stops(ErrorCode.ESTOP),
+            "stop category 1 of IEC 60204-1",
+            lambda fault, _: fault.pressed,
+        ),
+        Documented("emergency stop pulled out", GOES_ON),
+    )
+
+    pressed: bool
 
     def apply_to(self, board: "Board", _now_counts: int) -> None:
-        """Press the button, or pull it out."""
         board.inputs.emergency_stop = self.pressed
 
-    def undo(self, before: "Surroundings") -> "EmergencyStop":
-        """Return the button as it was."""
+    def undo(self, before: "BoardEnvironment") -> "EmergencyStop":
         return EmergencyStop(before.emergency_stop)
 
+    @classmethod
+    def shown(cls, state: "ControlState", _values: Mapping[str, Any]) -> str:
+        return f"emergency stop: {'pressed' if state.estop else 'released'}"
+
+
+SUPPLY_RANGE_10MV: Final = range(1000, 3401)
+"""Motor supply with drives on: 0x2002:03 and :04 after power-up."""
+TEMPERATURE_MAX_DECIDEGC: Final = 850
+"""Highest temperature of the board with drives on: 0x2002:05 after power-up."""
+
 
 @dataclass(frozen=True, slots=True)
-class Supply(BoardHarm):
-    """The motor supply gets this voltage, in 10 mV: any that the board can measure, as its object 0x2002:02 has it."""
+class Supply(BoardFault):
+    """The motor supply has this voltage.
 
-    do: ClassVar[str] = "supply"
-    does: ClassVar[str] = "the motor supply has this voltage"
+    It is any that the board can measure, in 10 mV as in its object 0x2002:02.
+    """
 
-    supply_10mv: int = field(
-        metadata=keyed(Key("supply_v", KeyKind.NUMBER, "VOLTS", least=0, most=655.35, unit="V", parts=PER_V))
+    do = "supply"
+    reactions = (
+        Documented(
+            "motor supply below 10.00 V",
+            stops(ErrorCode.UNDERVOLTAGE, motion=Motion.CUT),
+            "without its supply no driver can follow a ramp",
+            lambda fault, _: fault.supply_10mv < SUPPLY_RANGE_10MV.start,
+        ),
+        Documented(
+            "motor supply above 34.00 V",
+            stops(ErrorCode.OVERVOLTAGE),
+            when=lambda fault, _: fault.supply_10mv >= SUPPLY_RANGE_10MV.stop,
+        ),
+        Documented("motor supply from 10.00 to 34.00 V", GOES_ON),
     )
 
+    supply_10mv: Annotated[int, Key("supply_v", metavar="VOLTS", least=0, most=655.35, unit="V", parts=PER_V)]
+
     def apply_to(self, board: "Board", now_counts: int) -> None:
-        """Let the board measure it."""
         board.measure(replace(board.measurements, supply_10mv=self.supply_10mv), now_counts)
 
-    def undo(self, before: "Surroundings") -> "Supply":
-        """Return the voltage as it was."""
+    def undo(self, before: "BoardEnvironment") -> "Supply":
         return Supply(before.supply_10mv)
+
+    @classmethod
+    def shown(cls, state: "ControlState", _values: Mapping[str, Any]) -> str:
+        return f"supply: {state.supply_v:.2f} V"
 
 
 @dataclass(frozen=True, slots=True)
-class BoardTemperature(BoardHarm):
-    """The board gets this temperature, in 0.1 degC: any that it can measure, as its object 0x2002:01 has it."""
+class BoardTemperature(BoardFault):
+    """The board has this temperature.
 
-    do: ClassVar[str] = "temperature"
-    does: ClassVar[str] = "the board has this temperature"
+    It is any that the board can measure, in 0.1 degC as in its object 0x2002:01.
+    """
 
-    temperature_decidegc: int = field(
-        metadata=keyed(
-            Key("temperature_degc", KeyKind.NUMBER, "DEGC", least=-3276.8, most=3276.7, unit="degC", parts=PER_DEGC)
-        )
+    do = "temperature"
+    reactions = (
+        Documented(
+            "board above 85.0 degC",
+            stops(ErrorCode.TEMPERATURE),
+            when=lambda fault, _: fault.temperature_decidegc > TEMPERATURE_MAX_DECIDEGC,
+        ),
+        Documented("board up to 85.0 degC", GOES_ON),
     )
 
+    temperature_decidegc: Annotated[
+        int, Key("temperature_degc", metavar="DEGC", least=-3276.8, most=3276.7, unit="degC", parts=PER_DEGC)
+    ]
+
     def apply_to(self, board: "Board", now_counts: int) -> None:
-        """Let the board measure it."""
         board.measure(replace(board.measurements, temperature_decidegc=self.temperature_decidegc), now_counts)
 
-    def undo(self, before: "Surroundings") -> "BoardTemperature":
-        """Return the temperature as it was."""
+    def undo(self, before: "BoardEnvironment") -> "BoardTemperature":
         return BoardTemperature(before.temperature_decidegc)
+
+    @classmethod
+    def shown(cls, state: "ControlState", _values: Mapping[str, Any]) -> str:
+        return f"board: {state.temperature_degc:.1f} degC"
 
 
 _INPUT: Final = Key("input", KeyKind.INPUT)
 
 
 @dataclass(frozen=True, slots=True)
-class SetInput(AxisHarm, operations.InputOperation):
-    """A sensor at one of an axis' general inputs (`GENERAL_INPUTS`) closes or opens; closed is active."""
+class SetInput(AxisFault, operations.InputOperation):
+    """A sensor of the robot's file is active, or not.
 
-    do: ClassVar[str] = "input"
-    does: ClassVar[str] = "a sensor of the robot's file is active, or not"
+    It is at one of an axis' general inputs (`GENERAL_INPUTS`); closed is active.
+    """
 
-    axis: int = field(metadata=keyed(_INPUT, join=lambda wired: wired[0]))
-    input: DigitalInput = field(metadata=keyed(_INPUT, join=lambda wired: wired[1]))
-    on: bool = field(metadata=keyed(Key("on", KeyKind.TRUTH)))
+    do = "input"
+    place_fields = ("axis", "input")
+    reactions = (Documented("sensor on or off", GOES_ON, "programs wait for it"),)
+
+    axis: Annotated[int, Keys((_INPUT,), join=lambda wired: wired[0])]
+    input: Annotated[DigitalInput, Keys((_INPUT,), join=lambda wired: wired[1])]
+    on: bool
 
     def __post_init__(self) -> None:
         operations.InputOperation.__post_init__(self)
 
-    def undo(self, before: "Surroundings") -> "SetInput":
-        """Return the sensor as it was."""
+    def undo(self, before: "BoardEnvironment") -> "SetInput":
         return SetInput(self.axis, self.input, on=bool(before.axes[self.axis].levels & self.input))
+
+    @classmethod
+    def shown(cls, state: "ControlState", values: Mapping[str, Any]) -> str:
+        return f"input {values['input']}: {'on' if state.inputs[values['input']] else 'off'}"
+
+
+FULL_STEPS_MAX: Final = 100_000
+"""Greatest number of full steps by which a motor slips."""
 
 
 @dataclass(frozen=True, slots=True)
-class Slip(AxisHarm):
-    """A motor falls out of step: its rotor jumps by full steps that no driver has made, as an overload makes it.
+class Slip(AxisFault):
+    """A motor falls out of step by whole electrical cycles: a multiple of 4 full steps.
 
-    The rotor locks again where the field has the same angle: so it slips by whole electrical cycles of 4 full steps.
+    Its rotor jumps by steps that no driver has made, as an overload makes it, and locks again where the field has the
+    same angle.
+
+    Attributes:
+        full_steps: positive towards higher positions.
     """
 
-    do: ClassVar[str] = "slip"
-    does: ClassVar[str] = "a motor falls out of step by whole electrical cycles: a multiple of 4 full steps"
+    do = "slip"
+    reactions = (
+        Documented(
+            "a motor falls out of step",
+            UNKNOWABLE,
+            "a board without encoders cannot know; the verdict tells it, and homing ends it; a limit switch may come",
+        ),
+    )
 
-    full_steps: int = field(metadata=keyed(Key("full_steps", KeyKind.WHOLE, "FULL_STEPS", most=FULL_STEPS_MAX)))
-    """Positive towards higher positions."""
+    full_steps: Annotated[int, Key(metavar="FULL_STEPS", most=FULL_STEPS_MAX)]
 
     def __post_init__(self) -> None:
         if not self.full_steps or self.full_steps % CYCLE_FULL_STEPS:
@@ -139,85 +199,128 @@ class Slip(AxisHarm):
             )
 
     def apply_to(self, board: "Board", _now_counts: int) -> None:
-        """Let the rotor jump at the start of the next tick."""
         board.slip(self.axis, self.full_steps)
 
 
-@dataclass(frozen=True, slots=True)
-class Payload(MachineHarm):
-    """The payload has another mass, from the next ms on: it hangs at the tool when the one before it would.
+PAYLOAD_MAX_KG: Final = 100.0
+"""More than any of these arms carries."""
 
-    Only motors that turn with the boards feel it.
+
+@dataclass(frozen=True, slots=True)
+class Payload(MachineFault):
+    """The payload has another mass; only with motors that turn with the board (`run --motors=loop`,
+    `serve --machine motors`).
+
+    It has it from the next ms on, and hangs at the tool when the one before it would.
     """
 
-    do: ClassVar[str] = "payload"
-    does: ClassVar[str] = (
-        "the payload has another mass; only with motors that turn with the board (`run --motors=loop`,"
-        " `serve --machine motors`)"
+    do = "payload"
+    once = True
+    ends = "another `payload`"
+    reactions = (
+        Documented(
+            "another payload",
+            replace(UNKNOWABLE, codes=(ErrorCode.LIMIT_SWITCH, ErrorCode.GROUP_STOPPED)),
+            "a board without encoders cannot know whether its motors keep step; the verdict tells a slip; after it a"
+            " limit switch may come",
+        ),
     )
-    ends: ClassVar[str] = "another `payload`"
-    once: ClassVar[bool] = True
 
-    payload_kg: float = field(metadata=keyed(Key("payload_kg", KeyKind.NUMBER, "KG", 0, PAYLOAD_MAX_KG, "kg")))
+    payload_kg: Annotated[float, Key(metavar="KG", least=0, most=PAYLOAD_MAX_KG, unit="kg")]
 
     def check(self, simulation: "Simulation", _number: int) -> None:
-        """Raise InputError unless motors turn with the boards."""
-        check_motors(self, turning=simulation.rotor_watch is not None)
+        self.check_motors(turning=simulation.rotor_watch is not None)
+
+    def check_motors(self, *, turning: bool) -> None:
+        if not turning:
+            raise InputError(
+                f"payload_kg: {self.payload_kg:g} kg: only motors that turn with the board feel it:"
+                " run --motors=loop, serve --machine motors, or MotorOptions in a test"
+            )
 
     def apply(self, simulation: "Simulation", _number: int) -> None:
         """Load the rotors, if they turn with the boards; else they are where the drivers' steps put them."""
         if simulation.rotor_watch is not None:
             simulation.rotor_watch.load(self.payload_kg)
 
-    def undo(self, before: "Surroundings") -> "Payload":
-        """Return the payload as it was."""
+    def undo(self, before: "BoardEnvironment") -> "Payload":
         return Payload(before.payload_kg)
 
 
-def check_motors(harm: Harm, *, turning: bool) -> None:
-    """Raise InputError for a harm that only motors feel, unless they turn with the boards."""
-    if isinstance(harm, Payload) and not turning:
-        raise InputError(
-            f"payload_kg: {harm.payload_kg:g} kg: only motors that turn with the board feel it:"
-            " run --motors=loop, serve --machine motors, or MotorOptions in a test"
-        )
+# --- the boards' logic
 
 
-_FOR_MS: Final = Key("for_ms", KeyKind.WHOLE, "MS", least=1, optional=True)
+def _one_of_several(fault: "BrownOut | WatchdogReset", moment: "Moment") -> bool:
+    """Return whether one of several boards is reset."""
+    return fault.axis is not None and moment.several_boards
+
+
+_RESETS: Final = (
+    Documented(
+        "one of several boards browns out for a time, or its watchdog resets it",
+        Reaction(Motion.CUT, (), State.SWITCH_ON_DISABLED, LOST_BOARD_MS, others=HOST_LOST),
+        "its own axes stop at once, and are to be homed; the host stops those of the other boards when this board"
+        " announces itself again, or after 1 s of silence",
+        _one_of_several,
+    ),
+    Documented(
+        "a board's logic browns out for a time, or its watchdog resets it",
+        Reaction(Motion.CUT, (), State.SWITCH_ON_DISABLED, TICK_MS),
+        "its nodes announce themselves again and know no position; home them",
+    ),
+)
 
 
 @dataclass(frozen=True, slots=True)
-class BrownOut(MachineHarm):
-    """The logic's supply of a board breaks down: processor and drivers lose all that is not in flash.
+class BrownOut(MachineFault):
+    """The logic of a board, or of all boards, is without supply for a time, or until `power-up`.
+
+    Processor and drivers lose all that is not in flash.
 
     Attributes:
         for_ms: time until the firmware runs again, from its beginning; None: until `PowerUp`.
         axis: an axis of the board; None: all boards.
     """
 
-    do: ClassVar[str] = "brown-out"
-    does: ClassVar[str] = "the logic of a board, or of all boards, is without supply for a time, or until `power-up`"
+    do = "brown-out"
+    takes_down = True
+    reactions = (
+        Documented(
+            "one of several boards is without supply from now on",
+            Reaction(Motion.CUT, begins_ms=LOST_BOARD_MS, others=HOST_LOST),
+            "its nodes are silent; the host stops the axes of the other boards after 1 s",
+            lambda fault, moment: _one_of_several(fault, moment) and fault.for_ms is None,
+        ),
+        Documented(
+            "a board's logic is without supply from now on",
+            Reaction(Motion.CUT, begins_ms=TICK_MS),
+            "its nodes are silent, which the host notices after 1 s, until `power-up`: then as below",
+            lambda fault, _: fault.for_ms is None,
+        ),
+        *_RESETS,
+    )
 
-    for_ms: int | None = field(default=None, metadata=keyed(_FOR_MS))
-    axis: int | None = field(default=None, metadata=keyed(_OF_BOARD))
+    for_ms: Annotated[int | None, Key(metavar="MS", least=1)] = None
+    axis: Annotated[int | None, JOINT] = None
 
     def apply(self, simulation: "Simulation", number: int) -> None:
-        """Switch the supply off, until the time has passed."""
         simulation.take_down(number, lambda board, now_counts: board.power_down(now_counts), self.for_ms)
 
-    def undo(self, _before: "Surroundings") -> "PowerUp":
-        """Return the power's return."""
+    def undo(self, _before: "BoardEnvironment") -> "PowerUp":
         return PowerUp(self.axis)
 
     @classmethod
     def ends_by(cls, values: Mapping[str, Any]) -> str | None:
-        """Return what ends it."""
         return None if "for_ms" in values else f"`{PowerUp.do}`"
 
 
+RESET_MS: Final = 3
+"""Usual duration of a reset, until the firmware runs again."""
+
+
 @dataclass(frozen=True, slots=True)
-class WatchdogReset(MachineHarm):
-    """The watchdog resets a board's processor, while the drivers keep their supply.
+class WatchdogReset(MachineFault):
+    """The watchdog resets a board's processor, or that of all boards, while the drivers keep their supply.
 
     The processor's pins float: STEP, DIR and the chip's inputs fall by their pull-downs, RESET among them; ENABLE has
     the level of an open terminal.
@@ -228,42 +331,28 @@ class WatchdogReset(MachineHarm):
         axis: an axis of the board; None: all boards.
     """
 
-    do: ClassVar[str] = "watchdog"
-    does: ClassVar[str] = (
-        "the watchdog resets a board's processor, or that of all boards, while the drivers keep their supply"
-    )
+    do = "watchdog"
+    takes_down = True
+    reactions = _RESETS
 
-    for_ms: int = field(default=RESET_MS, metadata=keyed(replace(_FOR_MS, told=True)))
-    axis: int | None = field(default=None, metadata=keyed(_OF_BOARD))
+    for_ms: Annotated[int, Key(metavar="MS", least=1, written=True)] = RESET_MS
+    axis: Annotated[int | None, JOINT] = None
 
     def apply(self, simulation: "Simulation", number: int) -> None:
-        """Hold the processor in reset, until the time has passed."""
         simulation.take_down(number, lambda board, now_counts: board.reset(now_counts), self.for_ms)
 
 
 @dataclass(frozen=True, slots=True)
-class PowerUp(MachineHarm, operations.BoardStart):
-    """A board that is down, by a brown-out or a reset, starts again; nothing happens to one that runs.
+class PowerUp(MachineFault, operations.BoardStart):
+    """A board that is down starts again.
+
+    Nothing happens to one that runs.
 
     Attributes:
         axis: an axis of the board; None: all boards.
     """
 
-    do: ClassVar[str] = "power-up"
-    does: ClassVar[str] = "a board that is down starts again"
+    do = "power-up"
+    reactions = (Documented("a board without power gets it", GOES_ON),)
 
-    axis: int | None = field(default=None, metadata=keyed(_OF_BOARD))
-
-
-MACHINE: Final = (
-    EmergencyStop,
-    Supply,
-    BoardTemperature,
-    SetInput,
-    Slip,
-    Payload,
-    BrownOut,
-    WatchdogReset,
-    PowerUp,
-)
-"""The family, in the order of help and docs."""
+    axis: Annotated[int | None, JOINT] = None

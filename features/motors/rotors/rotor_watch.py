@@ -374,7 +374,7 @@ class RotorWatch:
         for axis, way in self._ways_to_stops():
             least = min(least, _ticks_to(way, speeds[axis], accelerations[axis]))
         for board in self._boards:
-            for travel, distance in board.ways_to_change():
+            for travel, distance in board.distances_to_change():
                 speed = acceleration = 0.0
                 for axis, weight in travel.weights:
                     share = abs(weight) / WEIGHT_ONE

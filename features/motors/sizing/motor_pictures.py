@@ -1,52 +1,49 @@
 """The pictures of a run's motors."""
 
-from collections.abc import Callable, Iterable
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Final
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from steptwin.features.motors.sizing.resonance import draw_resonance
 from steptwin.features.motors.turning import MotorRun
 from steptwin.features.motors.turning.verdict import MARGIN_MIN
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.record.path_error import PathError
-from steptwin.host.record.plots.canvas import (
-    COUNTED,
-    LIMIT,
-    PLANNED,
-    STYLE,
-    new_figure,
-    rows_of_axes,
-    save_figure,
-    thinned,
-)
-from steptwin.host.verify import RunInfo
+from steptwin.host.record.plots.canvas import COUNTED, LIMIT, PLANNED, Sheet, thinned
+from steptwin.host.record.plots.picture import Picture
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
-__all__ = ["DEFAULT_PICTURES", "PICTURES", "write_motor_pictures"]
+_HERE: Final = "steptwin.features.motors.sizing.motor_pictures"
+_TWO: Final = (1.0, 1.0)
 
-_TORQUE_ROW_INCHES: Final = 2.3
-_TORQUE_COLUMNS: Final = 2
-_NEEDED: Final = "0.45"
+PICTURES: Final[Mapping[str, Picture]] = {
+    each.name: each
+    for each in (
+        Picture("motor-load", "load angle of the motors", _HERE, 1.0,
+                heads=("electrical degrees between field and rotor, the greatest in each ms",), across=("time [s]",)),
+        Picture("motor-torque", "torque of the motors", _HERE, 1.9, _TWO, above_inches=0.36, below_inches=0.6),
+        Picture("motor-tool", "tool, planned, counted and really reached", _HERE, above_inches=0.36, below_inches=0.6,
+                of_tool=True),
+        Picture("motor-resonance", "resonance of the motors at steady speeds",
+                "steptwin.features.motors.sizing.resonance", 1.5, _TWO, above_inches=0.36, below_inches=0.6),
+    )
+}  # fmt: skip
+"""Pictures of a run's motors, by the names of their files; they draw a MotorRun."""
+
+IN_TIME: Final = ("motor-load", "motor-torque", "motor-tool")
+"""Pictures that are drawn into the folder of a run with --motors; the other takes longer than most runs."""
 
 
-def draw_torque(ran: MotorRun, run: RunInfo) -> Figure:
+def draw_motor_torque(sheet: Sheet, ran: MotorRun) -> None:
     """Draw a panel for each joint: speed across, torque up."""
     joints = ran.verdict.joints
-    rows = -(-len(joints) // _TORQUE_COLUMNS)
-    figure = new_figure(run, "torque of the motors", _TORQUE_ROW_INCHES * rows)
-    grid = figure.subplots(rows, _TORQUE_COLUMNS, squeeze=False).ravel()
-    for axis, axes in enumerate(grid):
-        if axis < len(joints):
-            _draw_torque_of_joint(axes, ran, axis)
-        else:
-            axes.set_axis_off()
-    figure.legend(*grid[0].get_legend_handles_labels(), loc="outside lower left", ncols=4, markerscale=1.5)
-    return figure
+    cells = [axes for row in sheet.panels(-(-len(joints) // 2), band_lines=2, share="none") for axes in row]
+    for axis in range(len(joints)):
+        _draw_torque_of_joint(cells[axis], ran, axis)
+    for axes in cells[len(joints) :]:
+        axes.remove()
+    sheet.legend(cells[0], 2)
 
 
 def _draw_torque_of_joint(axes: Axes, ran: MotorRun, axis: int) -> None:
@@ -58,29 +55,28 @@ def _draw_torque_of_joint(axes: Axes, ran: MotorRun, axis: int) -> None:
         label=f"{100 * MARGIN_MIN:.0f} % less",
     )  # fmt: skip
     rpm, needed_nm = np.abs(torques.rpm[:, axis]), np.abs(torques.needed_nm[:, axis])
-    axes.plot(rpm, needed_nm, ".", color=_NEEDED, markersize=2.5, markeredgewidth=0, label="needed, each ms")
+    axes.plot(rpm, needed_nm, ".", color="0.45", markersize=2.5, markeredgewidth=0, label="needed, each ms")
     axes.plot(
         [joint.margin_rpm], [joint.torque_needed_nm], "o", color=LIMIT, markersize=6, fillstyle="none",
         markeredgewidth=1.5, label="least margin",
     )  # fmt: skip
-    axes.set_title(f"{joint.name}: {joint.motor}, {100 * joint.margin:.0f} % left", loc="left")
+    axes.set_title(f"{joint.name}: {joint.motor}, {100 * joint.margin:.0f} % left", loc="left", size=9.5)
     axes.set_xlim(0.0, float(curve.rpm[-1]))
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel("turns a minute")
     axes.set_ylabel("torque [Nm]")
 
 
-_TOOL_HEIGHT_INCHES: Final = 5.0
+_PATH_INCHES: Final = 3.8
 REACHED: Final = "#d1661b"
 """Colour of what the rotors really do: orange, of a middle grey in print."""
 
 
-def draw_tool(ran: MotorRun, run: RunInfo) -> Figure:
-    """Draw the path at the left, in the plane of the two coordinates that move most; errors over time at the right."""
-    figure = new_figure(run, "tool, planned, counted and really reached", _TOOL_HEIGHT_INCHES)
-    spaces = figure.add_gridspec(2, 2)
-    _draw_path(figure.add_subplot(spaces[:, 0]), ran)
-    distance, attitude = figure.add_subplot(spaces[0, 1]), figure.add_subplot(spaces[1, 1])
+def draw_motor_tool(sheet: Sheet, ran: MotorRun) -> None:
+    """Draw the path, in the plane of the two coordinates that move most; below it the errors over time."""
+    heights = [_PATH_INCHES, sheet.picture.row_inches, sheet.picture.row_inches]
+    (path,), (distance,), (attitude,) = sheet.panels(3, heights_inches=heights, band_lines=1, share="none")
+    _draw_path(path, ran)
     paths = ran.paths
     for poses, colour, label in ((paths.counted, COUNTED, "counted"), (paths.reached, REACHED, "really reached")):
         apart = poses - paths.planned
@@ -91,11 +87,10 @@ def draw_tool(ran: MotorRun, run: RunInfo) -> Figure:
     distance.set_ylim(bottom=0.0)
     for axes in (distance, attitude):
         axes.set_xlim(paths.t_s[0], paths.t_s[-1])
+        axes.set_xlabel("time [s]")
     attitude.set_title("angle from the plan", loc="left")
     attitude.set_ylabel("[deg]")
-    attitude.set_xlabel("time [s]")
-    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=4)
-    return figure
+    sheet.legend(path, 4)
 
 
 def _draw_path(axes: Axes, ran: MotorRun) -> None:
@@ -118,18 +113,16 @@ def _draw_path(axes: Axes, ran: MotorRun) -> None:
     axes.set_title(f"errors magnified {gain:g} times" if gain > 1.0 else "errors not magnified", loc="left")
 
 
-_LOAD_ROW_INCHES: Final = 1.15
 _WIDEST_DEG: Final = 190.0
 _TORQUE_MAX_DEG: Final = 90.0
 _LATE_PART: Final = 0.8
 """Part of the picture behind which a label stands on the left of its line."""
 
 
-def draw_load_angle(ran: MotorRun, run: RunInfo) -> Figure:
+def draw_motor_load(sheet: Sheet, ran: MotorRun) -> None:
     """Draw a row for each motor, from the start of the motion until the drivers go off."""
     names = ran.driving.robot.axis_names
-    figure = new_figure(run, "load angle of the motors", _LOAD_ROW_INCHES * len(names))
-    rows = rows_of_axes(figure, len(names))
+    rows = sheet.panels(len(names), band_lines=1)
     t_s = (ran.trace.counts - ran.driving.start_counts) / COUNTS_PER_SECOND
     shown = (t_s >= 0.0) & (ran.trace.counts < ran.driving.off_counts)
     end_s = max(float(t_s[shown][-1]), 1e-3)
@@ -142,11 +135,8 @@ def draw_load_angle(ran: MotorRun, run: RunInfo) -> Figure:
             _mark_slip(axes, ran.driving.seconds(slip_counts), end_s)
         _scale(axes, ran.trace.load_deg[shown, axis])
         axes.set_ylabel(f"{name} [deg]")
-    rows[0][0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.0, ncols=2)
-    rows[0][0].set_title("electrical degrees between field and rotor, the greatest in each ms", loc="left")
-    rows[-1][0].set_xlabel("time [s]")
+    sheet.legend(rows[0][0], 2)
     rows[-1][0].set_xlim(0.0, end_s)
-    return figure
 
 
 def _mark_slip(axes: Axes, at_s: float, end_s: float) -> None:
@@ -162,7 +152,7 @@ def _mark_slip(axes: Axes, at_s: float, end_s: float) -> None:
         ha="left" if left else "right",
         va="top",
         color=LIMIT,
-        size=8,
+        size=9.5,
         bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
     )
 
@@ -171,32 +161,3 @@ def _scale(axes: Axes, load_deg: np.ndarray[tuple[int], np.dtype[np.float64]]) -
     widest_deg = min(max(110.0, 1.1 * float(np.abs(load_deg).max(initial=0.0))), _WIDEST_DEG)
     axes.set_ylim(-widest_deg, widest_deg)
     axes.set_yticks([-90, 0, 90])
-
-
-PICTURES: Final[dict[str, Callable[[MotorRun, RunInfo], Figure]]] = {
-    "motor-load": draw_load_angle,
-    "motor-torque": draw_torque,
-    "motor-tool": draw_tool,
-    "motor-resonance": draw_resonance,
-}
-"""Pictures by the names of their files."""
-
-
-DEFAULT_PICTURES: Final = ("motor-load", "motor-torque", "motor-tool")
-"""Pictures that are drawn into the folder of a run with --motors; the other takes longer than most runs."""
-
-
-def write_motor_pictures(
-    folder: Path, ran: MotorRun, run: RunInfo, names: Iterable[str] = DEFAULT_PICTURES
-) -> list[Path]:
-    """Draw the pictures into a folder, made if missing; return the paths of the files."""
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = []
-    with mpl.rc_context(STYLE):
-        for name in names:
-            if name == "motor-tool" and not ran.paths.task.width:
-                continue
-            path = folder / f"{name}.png"
-            save_figure(PICTURES[name](ran, run), path, {})
-            paths.append(path)
-    return paths

@@ -8,7 +8,6 @@ from typing import Any, Final, NamedTuple, Self
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from steptwin.emulator.drivers.power_supply import PowerSupply
@@ -20,8 +19,7 @@ from steptwin.features.motors.turning import MotorRun
 from steptwin.features.motors.turning.drives import drive_of
 from steptwin.features.motors.turning.poses import carried_inertias
 from steptwin.host.common.arrays import BoolArray, FloatArray
-from steptwin.host.record.plots.canvas import LIMIT, new_figure, write_inside
-from steptwin.host.verify import RunInfo
+from steptwin.host.record.plots.canvas import LIMIT, Sheet, write_inside
 
 SETTINGS: Final = (1, 2, 8, 16)
 """Microsteps for each full step that are compared: those of a TB6560, and a run's own if they are others."""
@@ -132,8 +130,8 @@ def _field(rate_hz: float, microsteps: int, electrics: Electrics, times: _Times)
     )
 
 
-_ROW_INCHES: Final = 1.9
-_COLUMNS: Final = 2
+_SCALE_INCHES: Final = 1.0
+"""Room for the scale of colours, on the right."""
 _RATES: Final = 32
 _RANGE: Final = 60.0
 """Ratio of the highest speed to the lowest."""
@@ -144,26 +142,23 @@ _INSTANTS: Final = 25
 _WORST_DEG: Final = 120.0
 
 
-def draw_resonance(ran: MotorRun, run: RunInfo) -> Figure:
+def draw_motor_resonance(sheet: Sheet, ran: MotorRun) -> None:
     """Draw a panel for each joint that moves, with the inertia that is the greatest in the run."""
     moving = [axis for axis in range(len(ran.verdict.joints)) if ran.torques.rpm[:, axis].any()]
-    rows = max(-(-len(moving) // _COLUMNS), 1)
-    figure = new_figure(run, "resonance of the motors at steady speeds", _ROW_INCHES * rows)
-    grid = figure.subplots(rows, _COLUMNS, squeeze=False).ravel()
+    rows = sheet.panels(max(-(-len(moving) // 2), 1), band_lines=2, right_inches=_SCALE_INCHES, share="none")
+    cells = [axes for row in rows for axes in row]
     if not find_spec("numba"):
         moving = []
-        write_inside(grid[0], "needs numba: plain Python would take an hour")
+        write_inside(cells[0], "needs numba: plain\nPython would take an hour")
     inertias = _greatest_inertias(ran)
-    shown = None
-    for place, axes in enumerate(grid):
-        if place < len(moving):
-            shown = _draw_joint(axes, ran, moving[place], inertias[moving[place]])
-        elif place or moving:
-            axes.set_axis_off()
-    if shown is not None:
-        figure.colorbar(shown, ax=grid.tolist(), label="greatest load angle [deg]", extend="max", pad=0.01)
-        figure.legend(*grid[0].get_legend_handles_labels(), loc="outside lower left", ncols=3)
-    return figure
+    shown = [_draw_joint(axes, ran, axis, inertias[axis]) for axes, axis in zip(cells, moving, strict=False)]
+    for axes in cells[max(len(moving), 1) :]:
+        axes.remove()
+    if shown:
+        first = cells[0].get_position()
+        scale = sheet.figure.add_axes((0.9, first.y0, 0.02, first.height))
+        sheet.figure.colorbar(shown[0], cax=scale, label="load angle [deg]", extend="max")
+        sheet.legend(cells[0], 2)
 
 
 def _greatest_inertias(ran: MotorRun) -> FloatArray:
@@ -195,7 +190,7 @@ def _draw_joint(axes: Axes, ran: MotorRun, axis: int, inertia_kgm2: float) -> An
     axes.plot(rates_hz[column], row, "x", color=LIMIT, markersize=5, label="loses steps")
     axes.plot(
         [natural / microsteps for microsteps in settings], range(len(settings)), "o", color="white", markersize=5,
-        markeredgecolor="black", zorder=3, label="microsteps at the natural frequency",
+        markeredgecolor="black", zorder=3, label="microsteps at the natural frequency, which the title states",
     )  # fmt: skip
     own_row = settings.index(joint.transmission.microsteps)
     axes.plot(
@@ -211,5 +206,5 @@ def _draw_joint(axes: Axes, ran: MotorRun, axis: int, inertia_kgm2: float) -> An
     axes.set_yticks(range(len(settings)), [f"1/{microsteps}" if microsteps > 1 else "1" for microsteps in settings])
     axes.grid(visible=False)
     axes.set_xlabel("full steps a second")
-    axes.set_title(f"{joint.name}: {drive.motor.name}, natural frequency {natural:.0f} Hz", loc="left")
+    axes.set_title(f"{joint.name}: {drive.motor.name}, {natural:.0f} Hz", loc="left", size=9.5)
     return mesh

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AnswerOptions, PlanDir, Replace, RunDir, chosen_names, keep_files
@@ -12,9 +12,7 @@ from steptwin.host.cli.options import given_options, naming_options, option, swi
 from steptwin.host.cli.output import warn
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.extras import installing
-
-if TYPE_CHECKING:
-    from steptwin.host.record.plots import PlotView
+from steptwin.host.record.plots import PICTURES, PlotView, write_plots
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,15 +24,13 @@ class CloseUpOptions:
 
     def check_use(self, names: list[str]) -> None:
         """Raise InputError if an option is given for pictures that show all of the motion."""
-        from steptwin.host.record.plots import CLOSE_UPS
-
         given = list(given_options(self))
-        if given and not set(names) & set(CLOSE_UPS):
-            raise InputError(f"{given[0]}: is for the pictures {' and '.join(CLOSE_UPS)}, not for {', '.join(names)}")
+        if given and not any(PICTURES[name].close_up for name in names):
+            close_ups = " and ".join(name for name, each in PICTURES.items() if each.close_up)
+            raise InputError(f"{given[0]}: is for the pictures {close_ups}, not for {', '.join(names)}")
 
-    def view(self, duration_s: float) -> "PlotView":
+    def view(self, duration_s: float) -> PlotView:
         """Return the time that the pictures show; raise InputError unless it is in the motion."""
-        from steptwin.host.record.plots import PlotView
         from steptwin.protocol.timer import COUNTS_PER_SECOND
 
         at_s, span_s, count_s = self.at_s, self.span_s, 1 / COUNTS_PER_SECOND
@@ -54,8 +50,7 @@ class PlotOptions(AnswerOptions):
 
     what: list[str] | None = option(
         "NAME,...",
-        "Pictures: joints, step-rates, tool-path, tool-pose, in-space, error, timing, jitter, widths, edges, phases;"
-        " repeatable; by default all.",
+        f"Pictures: {', '.join(PICTURES)}; repeatable; by default all.",
     )
     form: Literal["png", "svg", "pdf"] = option("FORMAT", "png, or as vectors svg or pdf.", "--format", default="png")
     frames: bool = switch("In-space also with the frames of base, joints and tool: x red, y green, z blue.")
@@ -64,8 +59,6 @@ class PlotOptions(AnswerOptions):
 
     def names(self) -> list[str]:
         """Return the names of the pictures; raise InputError for unknown ones, and for files that exist."""
-        from steptwin.host.record.plots import PICTURES
-
         names = chosen_names("--what", self.what, PICTURES) if self.what else list(PICTURES)
         if self.frames and "in-space" not in names:
             raise InputError(f"--frames: is for the picture in-space, not for {', '.join(names)}")
@@ -80,7 +73,6 @@ def plot(wanted: PlotOptions, close_up: CloseUpOptions, folder: RunDir, plan: Pl
     if not find_spec("matplotlib"):
         raise InputError(f"plot: matplotlib is not installed ({installing('plot')})")
     from steptwin.host.record.folder import read_run
-    from steptwin.host.record.plots import write_plots
 
     names = wanted.names()
     close_up.check_use(names)
@@ -89,5 +81,6 @@ def plot(wanted: PlotOptions, close_up: CloseUpOptions, folder: RunDir, plan: Pl
     if stored.interruption:
         warn(f"{folder}: {stored.interruption}")
     view = replace(close_up.view(stored.duration_s), frames=wanted.frames)
-    paths = write_plots(wanted.out or folder, stored.comparison, stored.report.run, names, wanted.form, view)
+    report = stored.report
+    paths = write_plots(wanted.out or folder, names, report.run, stored.comparison, report.document, wanted.form, view)
     wanted.tell({"files": [str(path) for path in paths]}, *map(str, paths))

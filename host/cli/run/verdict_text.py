@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from steptwin.host.cli.output import Columns, fixed, print_rows, say
 from steptwin.host.common.features import giving
+from steptwin.host.record.verdict_words import verdict_words
 
 if TYPE_CHECKING:
     from steptwin.host.verify.figures import Figure
@@ -78,7 +79,7 @@ def _print_traffic(document: Mapping[str, Any]) -> None:
 
 
 def _print_verdict(document: Mapping[str, Any]) -> None:
-    verdict, *reasons = _verdict(document)
+    verdict, *reasons = verdict_words(document)
     say(f"{document['robot']} {document['job']}: {verdict}", *(f"  {reason}" for reason in reasons))
 
 
@@ -107,26 +108,6 @@ def _print_violations(violations: list[dict[str, Any]]) -> None:
             "first s": "{0[first_s]:.6f}",
         }
         print_rows(columns, same)
-
-
-def _verdict(document: Mapping[str, Any]) -> list[str]:
-    """Return the verdict, and the reasons of a failed one."""
-    if "fault" in document:
-        return _stopped(document)
-    if document["reasons"] == [document.get("interruption")]:
-        return ["INCOMPLETE", *document["reasons"]]
-    if document["passed"]:
-        return ["PASSED"]
-    stopped_alone = "stopped" in document and len(document["reasons"]) == 1
-    return ["STOPPED" if stopped_alone else "FAILED", *document["reasons"]]
-
-
-def _stopped(document: Mapping[str, Any]) -> list[str]:
-    """Return that a fault has ended the run, or the time-out of a wait, up to which the run is verified."""
-    if not document["fault"].get("timed_out"):
-        return ["STOPPED BY A FAULT"]
-    reasons = document["reasons"] or ["up to the wait every pulse is right"]
-    return ["STOPPED BY A WAIT THAT TIMED OUT", *reasons]
 
 
 def _least(axes: list[dict[str, Any]], key: str) -> str:

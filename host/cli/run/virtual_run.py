@@ -1,7 +1,6 @@
 """Run a motion on an emulated board in virtual time: `steptwin run` without --connect or -i."""
 
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import nullcontext
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -70,12 +69,10 @@ def run_virtual(answer: AnswerOptions, motion: ChosenMotion, prepared: PreparedR
         Exit: the run is not verified, a feature's verdict is that it failed, or a feature has found a reason after it.
     """
     from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY
-    from steptwin.host.record.folder.writing import can_draw, draw_here, drawing_apart
 
-    with drawing_apart() if options.out and can_draw() else nullcontext(draw_here) as draw:
-        outcome, folder = _executed(answer, motion, prepared, options)
-        done = FinishedRun.of(outcome, options.hooks)
-        pictures = folder is not None and done.save(folder, draw)
+    outcome, folder = _executed(answer, motion, prepared, options)
+    done = FinishedRun.of(outcome, options.hooks)
+    pictures = folder is not None and done.save(folder)
     version = {} if folder is None else {VERSION_KEY: FOLDER_VERSION}
     answer.tell(done.document() | version, done.print)
     if folder is not None:
@@ -142,9 +139,9 @@ class FinishedRun:
                 added.append(more)
         return cls(outcome, added)
 
-    def save(self, folder: Path, draw: Callable[[Path], None]) -> bool:
-        """Write the folder of the run, its pictures by `draw`; return whether there are pictures."""
-        pictures = self.outcome.save(folder, draw)
+    def save(self, folder: Path) -> bool:
+        """Write the folder of the run; return whether there are pictures."""
+        pictures = self.outcome.save(folder)
         for each in self.added:
             each.save(folder, pictures)
         return pictures

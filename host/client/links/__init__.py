@@ -1,6 +1,7 @@
-"""The ways to a bus: the interface between the client and a bus, and connections over TCP with a time limit.
+"""Links to a bus: the interface between client and bus, and TCP connections with a time limit.
 
-A link is a CANopen network and the board's clock; `bus_link` is one in real time, `socketcand_bus` a bus of a server.
+A link is a CANopen network and the board's clock. `bus_link` is a link in real time, `socketcand_bus` a bus of a
+server.
 """
 
 import socket
@@ -11,9 +12,9 @@ from typing import Any, Final, Protocol
 import canopen
 
 ANSWER_S: Final = 1.0
-"""Time for a server to accept and greet a client, answer it, and make room for what is sent."""
+"""Time limit for a server to accept and greet a client, answer it, and accept sent bytes."""
 SILENT: Final = f"accepts but does not answer within {ANSWER_S:g} s"
-"""What is said of a server that does not."""
+"""Message about a server that exceeds ANSWER_S."""
 
 
 class Clock(Protocol):
@@ -24,26 +25,26 @@ class Clock(Protocol):
         ...
 
     def wait(self, dt_s: float) -> None:
-        """Let this much time pass: advance the simulated clock, or sleep."""
+        """Wait: advance the simulated clock, or sleep."""
         ...
 
 
 class Link(Clock, Protocol):
-    """A connection to a bus, in virtual or in real time."""
+    """A connection to a bus, in virtual or real time."""
 
     @property
     def held_up_s(self) -> float:
-        """Longest time that this program was held up in a `wait`, because the computer is too slow."""
+        """Longest delay of this program in a `wait`, caused by a slow computer."""
         ...
 
     @property
     def network(self) -> canopen.Network:
-        """The network through which the nodes are reached."""
+        """Network of the nodes."""
         ...
 
 
 def in_url(host: str) -> str:
-    """Return a host as it stands in URLs: an IPv6 address in brackets (RFC 3986)."""
+    """Return a host as in URLs: an IPv6 address in brackets (RFC 3986)."""
     return f"[{host}]" if ":" in host else host
 
 
@@ -53,10 +54,10 @@ def address_text(host: str, port: int) -> str:
 
 
 def connected(host: str, port: int, until_s: float) -> socket.socket:
-    """Connect to the first address of a host that accepts until `until_s`, of the monotonic clock.
+    """Connect to the first address of a host that accepts before `until_s` on the monotonic clock.
 
     Raises:
-        OSError: none does in time, or the host has no address.
+        OSError: no address accepts in time, or the host has none.
     """
     failure: OSError = TimeoutError(f"does not answer within {ANSWER_S:g} s")
     for family, kind, protocol, _, address in _addresses(host, port, until_s):
@@ -76,7 +77,7 @@ def connected(host: str, port: int, until_s: float) -> socket.socket:
 
 
 def _addresses(host: str, port: int, until_s: float) -> list[Any]:
-    """Look up a host's addresses, as `getaddrinfo` does, in a thread: the look-up itself has no time limit."""
+    """Return a host's addresses, as `getaddrinfo` does; a thread runs it, because it has no time limit."""
     found: list[Any] = []
     errors: list[OSError] = []
 

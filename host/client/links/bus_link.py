@@ -1,6 +1,6 @@
 """Link in real time to a bus: a served board's socketcand port, or any interface of python-can.
 
-The canopen library's network on it turns errors into BusErrors in one line, and no thread outlives it.
+Its network of the canopen library converts errors to BusErrors of one line, and ends all threads when it closes.
 """
 
 import threading
@@ -25,13 +25,13 @@ from steptwin.host.common.errors import BusError, StepTwinError
 
 
 def check_interface(what: str, name: str) -> None:
-    """Raise InputError if python-can has no interface of this name; the message calls the name `what`."""
+    """Raise InputError if python-can has no interface of this name; `what` describes the name in the message."""
     if name not in can.VALID_INTERFACES:
         raise unknown(what, name, sorted(can.VALID_INTERFACES))
 
 
 def open_python_can_bus(title: str, interface: str, **arguments: Any) -> can.BusABC:
-    """Open a bus, with defaults for arguments that are None; raise BusError, headed by `title`, if it fails."""
+    """Open a bus; arguments that are None have defaults; raise BusError, beginning with `title`, if it fails."""
     given = {name: value for name, value in arguments.items() if value is not None}
     with bus_errors(title):
         return can.Bus(interface=interface, **given)
@@ -39,7 +39,7 @@ def open_python_can_bus(title: str, interface: str, **arguments: Any) -> can.Bus
 
 @contextmanager
 def bus_errors(title: str) -> Iterator[None]:
-    """Turn every error of an interface into a BusError, headed by `title`."""
+    """Convert every error of an interface to a BusError that begins with `title`."""
     try:
         yield
     except StepTwinError:
@@ -49,25 +49,25 @@ def bus_errors(title: str) -> Iterator[None]:
 
 
 def reason(error: BaseException) -> str:
-    """Return the first line of an interface's error."""
+    """Return the first line of an interface's error message."""
     text = str(getattr(error, "strerror", None) or error) or type(error).__name__
     return text.splitlines()[0]
 
 
 @dataclass(frozen=True, slots=True)
 class Connection:
-    """The choice of a bus: an interface of python-can, and for socketcand the server's host and TCP port."""
+    """Selection of a bus: an interface of python-can, and for socketcand the server's host and TCP port."""
 
     interface: str
     channel: str | None = None
     bitrate: int | None = None
-    """In bit/s, for interfaces that set it; None, here and for the channel, takes the interface's default."""
+    """Bit rate in bit/s for interfaces that set it; None selects the interface's default, also for `channel`."""
     host: str | None = None
     port: int | None = None
 
     @property
     def title(self) -> str:
-        """The bus as messages name it."""
+        """Name of the bus in messages."""
         if self.host is not None:
             assert self.port is not None
             return address_text(self.host, self.port)
@@ -75,7 +75,7 @@ class Connection:
 
 
 def open_bus(connection: Connection) -> can.BusABC:
-    """Open the bus; raise BusError, with the interface's reason, if it cannot be opened."""
+    """Open the bus; raise BusError with the interface's reason if that fails."""
     if connection.host is not None:
         assert connection.port is not None
         with bus_errors(connection.title):
@@ -93,26 +93,26 @@ def open_bus(connection: Connection) -> can.BusABC:
 # --- the library's network
 
 _RECEIVE_CYCLE_S: Final = 0.05
-"""Time until the receiving thread notices that it shall end."""
+"""Time until the receiving thread notices that it must end."""
 _ENDING_S: Final = 2.0
-"""Longest time that disconnecting waits for a thread; only a driver that holds it up, or a busy computer, makes it."""
+"""Longest wait for a thread's end at a disconnect; only a blocking driver or a busy computer needs it."""
 
 
 class _EndOfReceiving(MessageListener):
-    """End the receiving thread without a traceback; `BusNetwork.check` raises its error instead."""
+    """Ends the receiving thread without a traceback; `BusNetwork.check` raises its error instead."""
 
     def on_message_received(self, msg: can.Message) -> None:
-        """Ignore the frame; the network's own listener takes it."""
+        """Ignore the frame; the network's own listener handles it."""
 
     def on_error(self, _exc: Exception) -> None:
-        """Pause before the notifier, which has stored the error, tries again."""
+        """Pause before the notifier tries again; it has stored the error."""
         time.sleep(_RECEIVE_CYCLE_S)
 
 
 class _LastingTask(PeriodicMessageTask):
-    """A periodic frame whose thread, where the interface needs one, tries again after an error.
+    """A periodic frame whose thread, if the interface needs one, tries again after an error.
 
-    Without this the thread would end with a traceback; the error shows in every other use of the bus.
+    Otherwise the thread would end with a traceback. Every other use of the bus reports the error.
     """
 
     _task: Any
@@ -125,7 +125,7 @@ class _LastingTask(PeriodicMessageTask):
 
     @property
     def thread(self) -> threading.Thread | None:
-        """The thread that sends the frames; None if the interface sends them by itself."""
+        """Thread that sends the frames; None if the interface sends them by itself."""
         return self._task.thread if isinstance(self._task, ThreadBasedCyclicSendTask) else None
 
 
@@ -142,12 +142,12 @@ class BusNetwork(canopen.Network):
         self._senders: list[threading.Thread] = []
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """Send a frame; raise BusError if the interface does not take it."""
+        """Send a frame; raise BusError if the interface does not accept it."""
         with bus_errors(self._title):
             super().send_message(can_id, data, remote)
 
     def send_periodic(self, can_id: int, data: bytes, period: float, remote: bool = False) -> PeriodicMessageTask:
-        """Send a frame every `period` seconds until the task that is returned is stopped."""
+        """Send a frame every `period` seconds until the returned task is stopped."""
         task = _LastingTask(can_id, data, period, self.bus, remote)
         self._senders = [thread for thread in (*self._senders, task.thread) if thread is not None and thread.is_alive()]
         return task
@@ -158,10 +158,10 @@ class BusNetwork(canopen.Network):
             super().check()
 
     def disconnect(self) -> None:
-        """Close the bus and wait for the ends of its threads.
+        """Close the bus and wait until its threads have ended.
 
         Raises:
-            BusError: the bus cannot be closed, or the receiving thread has ended before.
+            BusError: the bus cannot be closed, or the receiving thread had ended before.
         """
         try:
             with bus_errors(self._title):
@@ -174,28 +174,28 @@ class BusNetwork(canopen.Network):
 # --- the link
 
 _USUAL_LATENESS_S: Final = 0.01
-"""Lateness at the end of a sleep that is time like any other."""
+"""Usual lateness of a sleep; a longer one is a delay of this program."""
 
 
 class BusLink:
-    """A Link to a real or a served bus; a context manager that closes the bus at its end.
+    """A Link to a real or served bus; a context manager that closes the bus at its end.
 
-    While this program is held up, time limits stand still: what came in meanwhile has not been looked at.
+    A delay of this program does not count for time limits, because it could not read the frames of this time.
     """
 
     def __init__(self, bus: can.BusABC, title: str, network: Callable[[], BusNetwork] | None = None) -> None:
-        """Connect to a bus, named `title` in messages; `network` makes another network on it than the usual one."""
+        """Connect to a bus, named `title` in messages; `network` creates another network than the usual one."""
         self.network: canopen.Network = network() if network else BusNetwork(bus, title)
         self.network.connect()
         self.held_up_s: float = 0.0
         self._all_held_up_s = 0.0
 
     def now_s(self) -> float:
-        """Return the seconds on a clock that is never set, without those of being held up."""
+        """Return the seconds on a monotonic clock, without delays of this program."""
         return time.perf_counter() - self._all_held_up_s
 
     def wait(self, dt_s: float) -> None:
-        """Sleep; raise BusError if nothing can be received any more."""
+        """Sleep; raise BusError if the receiving thread has ended."""
         due_s = time.perf_counter() + dt_s
         time.sleep(dt_s)
         late_s = time.perf_counter() - due_s

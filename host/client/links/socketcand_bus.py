@@ -1,8 +1,8 @@
-"""A bus behind a socketcand server, with a time limit for everything that waits for the server.
+"""A bus of a socketcand server, with a time limit for every wait.
 
-python-can's own class for this interface connects for ten seconds, waits for the greeting and for room to send without
-a limit, and takes a closed connection for a silent one. This one asks a server that is silent for an `< echo >`, which
-the protocol has for this purpose. Source: doc/protocol.md of github.com/linux-can/socketcand.
+python-can's own class for this interface tries to connect for ten seconds, waits without limit for the greeting and for
+space to send, and cannot detect a closed connection. This class sends `< echo >` to a silent server, as the protocol
+intends. Source: doc/protocol.md of github.com/linux-can/socketcand.
 """
 
 import re
@@ -20,28 +20,28 @@ from steptwin.host.client.links import ANSWER_S, SILENT, connected
 from steptwin.host.common.bad_input import printable
 
 SILENCE_S: Final = 1.0
-"""Silence of the server before it is asked for an echo."""
+"""Silence of the server after which an echo is requested."""
 _LOOK_S: Final = 0.5
-"""Longest time between two looks at how long the server has been silent."""
+"""Longest time between two checks of the server's silence."""
 _READ_BYTES: Final = 4096
 _ITEM_MAX_BYTES: Final = 512
-"""Greatest number of bytes from < to >; a frame has up to 53, one of CAN FD up to 220."""
+"""Longest item in bytes, from < to >; a frame has up to 53, a CAN FD frame up to 220."""
 _SHOWN_BYTES: Final = 80
 _FRAME: Final = re.compile(rb"<\s*frame\s+([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})\s+(\d+\.\d+)\s+((?:[0-9A-Fa-f]{2}\s*){0,8})>")
 _COMPLAINT: Final = re.compile(rb"<\s*error\s+([^>]*?)\s*>")
 
 
 class SocketcandBus(can.BusABC):
-    """A bus in the mode RAW of a socketcand server; after an error the bus raises that error for ever.
+    """A bus in the mode RAW of a socketcand server. After an error, every call raises that error.
 
     Raises:
-        can.CanError: the server does not greet, refuses the bus, or speaks another protocol.
+        can.CanError: the server does not greet, refuses the bus, or uses another protocol.
         OSError: the server cannot be reached.
     """
 
     def __init__(self, channel: str, host: str, port: int) -> None:
         self.dropped: int = 0
-        """Number of things that the server said and that are neither frames nor answers."""
+        """Number of received items that are neither frames nor answers."""
         self._failure = ""
         self._complaint = ""
         self._channel = channel
@@ -59,11 +59,11 @@ class SocketcandBus(can.BusABC):
         self._readable = selectors.DefaultSelector()
         self._readable.register(self._socket, selectors.EVENT_READ)
         self._heard_s = time.monotonic()
-        self._asked_s: float | None = None
-        """Time of the request for an echo that has not come yet."""
+        self._requested_s: float | None = None
+        """Time of the pending request for an echo; None if none is pending."""
         self.channel_info: str = f"socketcand on {channel}@{host}:{port}"
         super().__init__(channel)
-        self._take_items()  # the first frames may have come with the last answer
+        self._take_items()  # the first frames may have arrived with the last answer
 
     # --- the dialogue before the first frame
 
@@ -90,7 +90,7 @@ class SocketcandBus(can.BusABC):
             raise can.CanInitializationError(_text(complaint[1]) if complaint else says)
 
     def _received(self) -> bytes:
-        """Read what the server has sent; raise CanOperationError if it has closed the connection."""
+        """Read bytes from the server; raise CanOperationError if it has closed the connection."""
         data = self._socket.recv(_READ_BYTES)
         if not data:
             closed = "the server has closed the connection"
@@ -98,7 +98,7 @@ class SocketcandBus(can.BusABC):
         return data
 
     def _next_item(self) -> bytes | None:
-        """Cut the next item, from < to >, out of the inbox; drop what stands before it and what is too long."""
+        """Remove the next item, from < to >, from the inbox; drop other bytes before it, and too long items."""
         start = self._inbox.find(b"<")
         if start:
             self.dropped += bool(self._inbox)
@@ -116,8 +116,8 @@ class SocketcandBus(can.BusABC):
     # --- frames
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send a frame; raise CanOperationError if the server has not made room for it within ANSWER_S."""
-        del timeout  # a frame that is sent in part breaks the connection, so the limit is the same for all
+        """Send a frame; raise CanOperationError if the server does not accept it within ANSWER_S."""
+        del timeout  # a partly sent frame would break the connection, so all frames have the same limit
         identifier = f"{msg.arbitration_id:0{8 if msg.is_extended_id else 3}X}"
         if msg.is_remote_frame:
             self._write(f"< sendrtr {identifier} {msg.dlc} >")
@@ -141,7 +141,7 @@ class SocketcandBus(can.BusABC):
         return (self._messages.popleft() if self._messages else None), False
 
     def _listen(self, dt_s: float) -> None:
-        """Wait for the server to say something, and take it; ask a silent server for an echo."""
+        """Wait for bytes from the server and process them; request an echo from a silent server."""
         if not self._readable.select(dt_s):
             self._ask_if_silent()
             return
@@ -151,7 +151,7 @@ class SocketcandBus(can.BusABC):
             self._fail(getattr(error, "strerror", None) or str(error))
         if hasattr(socket, "TCP_QUICKACK"):  # a server that delays small packets waits for this acknowledgement
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
-        self._heard_s, self._asked_s = time.monotonic(), None
+        self._heard_s, self._requested_s = time.monotonic(), None
         self._take_items()
 
     def _take_items(self) -> None:
@@ -166,11 +166,11 @@ class SocketcandBus(can.BusABC):
 
     def _ask_if_silent(self) -> None:
         now_s = time.monotonic()
-        if self._asked_s is not None:
-            if now_s - self._asked_s > ANSWER_S:
+        if self._requested_s is not None:
+            if now_s - self._requested_s > ANSWER_S:
                 self._fail(SILENT)
         elif now_s - self._heard_s > SILENCE_S:
-            self._asked_s = now_s
+            self._requested_s = now_s
             self._write("< echo >")
 
     # --- the end
@@ -202,5 +202,5 @@ def _message(frame: re.Match[bytes], channel: str) -> can.Message:
 
 
 def _text(said: bytes) -> str:
-    """Return the beginning of what a server said, fit for a terminal."""
+    """Return the beginning of a server's bytes as printable text."""
     return printable(said[:_SHOWN_BYTES].decode("latin-1"))

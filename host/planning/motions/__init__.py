@@ -1,1 +1,1 @@
-"""Motions: trajectories made of joint moves, tool paths, time laws, sampled points and pauses."""
+"""Trajectories of joint moves, tool paths, time laws, sampled points and pauses."""

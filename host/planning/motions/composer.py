@@ -1,4 +1,4 @@
-"""Compose a sequence move by move, as at a teach pendant: go to a position, along a line, switch an output."""
+"""Compose a sequence of moves, as at a teach pendant: go to a position, along a line, switch an output."""
 
 from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Mapping
@@ -24,7 +24,7 @@ from steptwin.host.robots.robot import Robot
 
 @dataclass(frozen=True, slots=True)
 class Standstill:
-    """A motion that lets all joints stand still; implements Trajectory."""
+    """A pause: no joint moves; implements Trajectory."""
 
     joint_names: tuple[str, ...]
     at: tuple[float, ...]
@@ -44,7 +44,7 @@ class Standstill:
 
 @dataclass(frozen=True, slots=True)
 class Sequence:
-    """Motions in a row: each begins where the previous one ended; implements Trajectory.
+    """Consecutive motions, each of which begins at the end of the previous one; implements Trajectory.
 
     Attributes:
         joint_names: names of the robot's joints.
@@ -52,7 +52,7 @@ class Sequence:
         starts_ms: start of each part, and then the end of the last one.
         output_changes: changes of outputs during the motion.
         waits: waits for inputs, each at the beginning of a pause.
-        expects: what features are to find at the end, by key.
+        expects: expected results for features, by key.
     """
 
     joint_names: tuple[str, ...]
@@ -78,7 +78,7 @@ class Sequence:
 
     @property
     def smooth_ms(self) -> frozenset[int]:
-        """The breakpoints inside of parts at which the acceleration hardly jumps."""
+        """Breakpoints inside of parts at which the acceleration is almost continuous."""
         starts = zip(self.starts_ms, self.parts, strict=False)
         return frozenset(start_ms + own for start_ms, part in starts for own in smooth_breakpoints_ms(part))
 
@@ -97,14 +97,14 @@ class Sequence:
         return velocities
 
     def states(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return both."""
+        """Return positions and velocities."""
         positions, velocities = np.empty((2, len(t_s), len(self.joint_names)))
         for part, rows, own_s in self._parts_at(t_s):
             positions[rows], velocities[rows] = states(part, own_s)
         return positions, velocities
 
     def _parts_at(self, t_s: FloatArray) -> Iterator[tuple[Trajectory, Int64Array, FloatArray]]:
-        """Yield each part that moves at some of the times, the rows of these, and the part's own times."""
+        """Yield the parts at the given times, with the rows of these times and the part's own times."""
         starts_s = np.array(self.starts_ms) / 1000
         which = np.clip(np.searchsorted(starts_s, t_s, side="right") - 1, 0, len(self.parts) - 1)
         counts = np.bincount(which, minlength=len(self.parts))
@@ -115,16 +115,13 @@ class Sequence:
 
 
 SWITCHING_S: Final = 0.3
-"""Time for which the machine stands still while a gripper, a magnet or a lock works."""
-
+"""Pause while a gripper, a magnet or a lock operates."""
 PACE: Final = 0.8
-"""Part of the joints' speed and acceleration limits that joint moves use."""
-
+"""Fraction of the joints' speed and acceleration limits that joint moves use."""
 JERK_TIME_S: Final = 0.1
-"""Time that a joint move's acceleration takes to its highest value."""
-
+"""Time in which the acceleration of a joint move rises to its highest value."""
 WAIT_S: Final = 0.01
-"""Time in the plan of a wait for an input: the pause at whose beginning the machine stands until it goes on."""
+"""Planned pause of a wait for an input; the machine waits at its beginning."""
 
 WAIT_MAX_S: Final = 3600.0
 """Longest time-out of a wait."""
@@ -134,8 +131,8 @@ WAIT_MAX_S: Final = 3600.0
 class Composer:
     """A sequence under construction, which begins at `joints`, of shape (joints,); `sequence` returns it.
 
-    Each move begins where the previous one ended, and `joints` is the position reached. Every move raises InputError if
-    the robot cannot make it; times in the messages are the sequence's.
+    Each move begins at the end of the previous one, and `joints` is the position reached. Every move raises InputError
+    if the robot cannot make it; times in messages count from the start of the sequence.
     """
 
     robot: Robot
@@ -151,7 +148,7 @@ class Composer:
         return self._starts_ms[-1] / 1000
 
     def go(self, goal: FloatArray) -> None:
-        """Move all joints to a position of shape (joints,), together and jerk-limited; do nothing if they are there."""
+        """Move all joints together, jerk-limited, to a position of shape (joints,); do nothing if already there."""
         way = goal - self.joints
         if is_no_way(way):
             return
@@ -160,7 +157,7 @@ class Composer:
         self.go_by(law, goal)
 
     def go_some(self, positions: Mapping[str, float]) -> None:
-        """Move some joints, by name, in the same way; the others stay."""
+        """Move some joints, by name, like `go`; the others do not move."""
         goal = self.joints.copy()
         for name, position in positions.items():
             goal[self.robot.index_of(name)] = position
@@ -185,12 +182,12 @@ class Composer:
         self._append(ToolMove.along(self.robot, path, law, branch, self.joints, self.now_s))
 
     def take(self, motion: Trajectory) -> None:
-        """Make a motion that begins where the sequence stands."""
+        """Append a motion that begins at the present position."""
         self._check_length(motion.duration_s)
         self._append(motion)
 
     def switch(self, output: str, *, on: bool) -> None:
-        """Stand still while a digital output of the robot changes."""
+        """Switch a digital output of the robot during a pause."""
         require_output(self.robot, output)
         from_s = self.now_s
         self.pause(SWITCHING_S)
@@ -208,9 +205,9 @@ class Composer:
         return bool(changes) and max(changes, key=lambda change: change.from_s).on
 
     def wait(self, sensor: str, *, on: bool, timeout_s: float, place: str = "") -> None:
-        """Stand still until a digital input of the robot has a level; after the time-out the motion ends there.
+        """Wait until a digital input of the robot has a level; a time-out ends the motion.
 
-        `place` says in messages where the wait is written.
+        `place` is the position of the wait in its file, for messages.
         """
         require_input(self.robot, sensor)
         check_timeout(timeout_s)
@@ -218,7 +215,7 @@ class Composer:
         self.pause(WAIT_S)
 
     def pause(self, duration_s: float) -> None:
-        """Stand still for whole milliseconds, at least one."""
+        """Pause for whole milliseconds, at least one."""
         check_duration(duration_s)
         self._check_length(duration_s)
         self._append(Standstill(self.robot.joint_names, tuple(self.joints.tolist()), duration_s))
@@ -232,14 +229,14 @@ class Composer:
         return Sequence(self.robot.joint_names, parts, tuple(ms - starts_ms[0] for ms in starts_ms), ())
 
     def sequence(self, expects: Mapping[str, Any] | None = None) -> Sequence:
-        """Return the sequence of all moves so far; `expects` is what features are to find at the end."""
+        """Return the sequence of all moves so far; `expects` are expected results for features."""
         parts, starts_ms = tuple(self._parts), tuple(self._starts_ms)
         output_changes = tuple(sorted(self._output_changes, key=lambda change: change.from_s))
         waits = tuple(self._waits)
         return Sequence(self.robot.joint_names, parts, starts_ms, output_changes, waits, expects or {})
 
     def _check_length(self, more_s: float) -> None:
-        """Raise TooLongError if the sequence would last too long with a further move; it is not made then."""
+        """Raise TooLongError if the sequence would be too long with a further move."""
         check_length("the whole motion", self._starts_ms[-1] + round(1000 * more_s))
 
     def _append(self, part: Trajectory) -> None:
@@ -249,7 +246,7 @@ class Composer:
 
 
 def require_output(robot: Robot, name: str) -> None:
-    """Raise InputError unless a robot has a digital output of this name."""
+    """Raise InputError if a robot has no digital output of this name."""
     if not robot.outputs:
         raise _without("outputs", robot, f'{name} = {{ joint = "{robot.joint_names[-1]}", out = 1 }}')
     if name not in robot.outputs:
@@ -257,7 +254,7 @@ def require_output(robot: Robot, name: str) -> None:
 
 
 def require_input(robot: Robot, name: str) -> None:
-    """Raise InputError unless a robot has a digital input of this name."""
+    """Raise InputError if a robot has no digital input of this name."""
     if not robot.inputs:
         raise _without("inputs", robot, f'{name} = {{ joint = "{robot.joint_names[-1]}", input = 1 }}')
     if name not in robot.inputs:
@@ -265,11 +262,11 @@ def require_input(robot: Robot, name: str) -> None:
 
 
 def _without(table: str, robot: Robot, line: str) -> InputError:
-    """Return the error for a robot without any outputs or inputs; it shows the line that names one."""
+    """Return the error for a robot without outputs or inputs; it shows a line that defines one."""
     return InputError(f"{table}: {robot.name} has none; its file names them under [{table}], such as {shortened(line)}")
 
 
 def check_timeout(timeout_s: float) -> None:
-    """Raise InputError unless a wait may last so long."""
+    """Raise InputError for an invalid time-out of a wait."""
     if not 0 < timeout_s <= WAIT_MAX_S:
         raise InputError(f"timeout_s: {timeout_s:g} s is not above 0 and up to {WAIT_MAX_S:g} s")

@@ -54,7 +54,7 @@ class TimeSpan(DerivedTrajectory):
 
 
 class Hold(NamedTuple):
-    """A standstill: the time of the original motion where it is put in, and its duration, in milliseconds."""
+    """An inserted standstill: time in the original motion, and duration, in milliseconds."""
 
     at_ms: int
     duration_ms: int
@@ -99,7 +99,7 @@ class Held(DerivedTrajectory):
         return self.trajectory.velocities(self._own_s(t_s))
 
     def _later_s(self, t_s: float) -> float:
-        """Return the time when an instant of the original motion comes; at a standstill, its end."""
+        """Convert a time of the original motion; at a standstill, to its end."""
         ms = 1000 * t_s
         return (ms + sum(hold.duration_ms for hold in self.holds if hold.at_ms <= ms)) / 1000
 
@@ -112,7 +112,7 @@ class Held(DerivedTrajectory):
         ]
 
     def _own_s(self, t_s: FloatArray) -> FloatArray:
-        """Return the times of the original motion, which stand during the standstills."""
+        """Convert times to the original motion, in which time does not advance during standstills."""
         stood_s = np.zeros_like(t_s)
         for begin_s, end_s in self._spans_s():
             stood_s += np.clip(t_s - begin_s, 0.0, end_s - begin_s)

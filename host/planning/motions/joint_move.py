@@ -1,4 +1,4 @@
-"""Move all joints straight in joint space by one time law: they start and end together."""
+"""Move all joints straight in joint space by one time law; they start and end together."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -47,23 +47,23 @@ class JointMove:
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return joint positions, of shape (n, joints)."""
         part = self.law.position(t_s)[:, np.newaxis]
-        return np.asarray(np.array(self.start) + part * self._way)
+        return np.asarray(np.array(self.start) + part * self._travel)
 
     def velocities(self, t_s: FloatArray) -> FloatArray:
         """Return joint velocities, of shape (n, joints)."""
-        return np.asarray(self.law.velocity(t_s)[:, np.newaxis] * self._way)
+        return np.asarray(self.law.velocity(t_s)[:, np.newaxis] * self._travel)
 
     def accelerations(self, t_s: FloatArray) -> FloatArray:
         """Return joint accelerations, of shape (n, joints)."""
-        return np.asarray(self.law.acceleration(t_s)[:, np.newaxis] * self._way)
+        return np.asarray(self.law.acceleration(t_s)[:, np.newaxis] * self._travel)
 
     @property
-    def _way(self) -> FloatArray:
+    def _travel(self) -> FloatArray:
         return np.subtract(self.goal, self.start)
 
 
 def change_times_s(robot: Robot, changes: FloatArray) -> FloatArray:
-    """Return how long changes of velocity take within the acceleration limits of joints and axes, of shape (n,).
+    """Return the shortest times of velocity changes within the acceleration limits of joints and axes, shape (n,).
 
     The changes have the shape (n, joints), in mm/s and deg/s of the joints.
     """
@@ -72,12 +72,12 @@ def change_times_s(robot: Robot, changes: FloatArray) -> FloatArray:
     return np.asarray(np.maximum(of_joints, of_axes).max(axis=1))
 
 
-def limits_along(robot: Robot, way: FloatArray) -> tuple[float, float]:
+def limits_along(robot: Robot, travel: FloatArray) -> tuple[float, float]:
     """Return the highest speed and acceleration of s(t), in 1/s and 1/s^2, within the limits of joints and axes.
 
-    The way has the shape (joints,), in mm and degrees of the joints. Both are infinite if it is 0 for all joints.
+    `travel` has the shape (joints,), in mm and degrees. Both results are infinite if it is 0 for all joints.
     """
-    sizes, axis_sizes = np.abs(way), np.abs(robot.coupling.to_axes(way))
+    sizes, axis_sizes = np.abs(travel), np.abs(robot.coupling.to_axes(travel))
     with np.errstate(divide="ignore", over="ignore"):
         speeds = np.array([joint.speed_max for joint in robot.joints]) / sizes
         accelerations = np.array([joint.acceleration_max for joint in robot.joints]) / sizes
@@ -87,10 +87,11 @@ def limits_along(robot: Robot, way: FloatArray) -> tuple[float, float]:
     return float(min(speeds.min(), axis_speeds.min())), float(min(accelerations.min(), axis_accelerations.min()))
 
 
-def fastest_law(robot: Robot, way: FloatArray, part: float = 1.0) -> Trapezoid:
-    """Return the fastest law, with a distance of 1, of all joints that make their ways together.
+def fastest_law(robot: Robot, travel: FloatArray, part: float = 1.0) -> Trapezoid:
+    """Return the fastest law, with a distance of 1, of joints that make their travels together.
 
-    `way` is as of `limits_along`, and not 0 for all joints; `part` is that of the speed and acceleration limits to use.
+    `travel` is as for `limits_along`, and not 0 for all joints; `part` is the fraction of the speed and acceleration
+    limits to use.
     """
-    speed, acceleration = limits_along(robot, way)
+    speed, acceleration = limits_along(robot, travel)
     return Trapezoid.fastest(1.0, speed * part, acceleration * part)

@@ -1,7 +1,7 @@
 """Motions through given points: the clamped C2 spline, Akima's spline, cubics through given velocities, blended lines.
 
-The C2 spline has continuous acceleration, but overshoots beside sudden changes. Akima's spline does not overshoot, but
-its acceleration jumps at the points (H. Akima, "A new method of interpolation and smooth curve fitting based on local
+The C2 spline has continuous acceleration, but overshoots at sudden changes. Akima's spline does not overshoot, but its
+acceleration jumps at the points (H. Akima, "A new method of interpolation and smooth curve fitting based on local
 procedures", J. ACM 17(4), 1970). Both begin and end at rest, as every motion must.
 """
 
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 AKIMA_POINTS_MIN: Final = 3
 
 _GAP_MIN_S: Final = 1e-6
-"""Least time between two points: over a shorter one a slope could exceed the range of floats."""
+"""Shortest time between two points: with a shorter one, a slope could exceed the range of floats."""
 
 
 _END_CONDITIONS: Final[dict[bool, Literal["clamped", "not-a-knot"]]] = {True: "clamped", False: "not-a-knot"}
-"""The spline's condition at an end that is at rest, and at another."""
+"""Boundary condition of the spline at an end, by whether it is at rest."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,10 +55,10 @@ class Sampled:
         positions: FloatArray,
         at_rest: tuple[bool, bool] = (True, True),
     ) -> Self:
-        """Return the C2 spline through positions of shape (points, joints) at times as `check_times` requires them.
+        """Return the C2 spline through positions of shape (points, joints) at times that pass `check_times`.
 
-        `at_rest` tells for start and end whether the motion is at rest there, as every motion must be in the end;
-        otherwise it goes on as the points do: the two outermost pieces are one cubic (`not-a-knot`).
+        `at_rest` tells for start and end whether the motion is at rest there. If not, the two outermost pieces are one
+        cubic (`not-a-knot`).
         """
         check_times(times_s)
         start, end = (_END_CONDITIONS[rest] for rest in at_rest)
@@ -102,7 +102,7 @@ class Sampled:
 
     @property
     def smooth_ms(self) -> frozenset[int]:
-        """The breakpoints at which the acceleration jumps by hardly a part of its highest value."""
+        """Breakpoints at which the acceleration is almost continuous."""
         knots_s = np.asarray(self.curve.x)
         before = np.asarray(self.curve(knots_s[1:-1] - _JUST_S, 2))
         after = np.asarray(self.curve(knots_s[1:-1] + _JUST_S, 2))
@@ -112,14 +112,17 @@ class Sampled:
 
 
 _SMOOTH: Final = 0.03
-"""Part of the highest acceleration; a jump of it 1 ms beside a PVT point is 0.0015 step at 100 000 steps/s^2."""
+"""Fraction of the highest acceleration that counts as almost continuous.
+
+A jump by it, 1 ms beside a PVT point, causes an error of 0.0015 step at 100 000 steps/s^2.
+"""
 _JUST_S: Final = 1e-7
-"""Time before and after a jump at which the accelerations are looked at."""
+"""Time before and after a jump at which the accelerations are compared."""
 
 
 @dataclass(frozen=True, slots=True)
 class NumberedPlaces(Sequence[str]):
-    """The places of points in their input, for messages: a text with the point's own number, made when asked for."""
+    """Names of points in messages: a text with the point's number, created on demand."""
 
     text: str
     numbers: Sequence[int]
@@ -139,10 +142,10 @@ class NumberedPlaces(Sequence[str]):
 
 
 def check_times(times_s: FloatArray, places: Sequence[str] = (), *, all_whole_ms: bool = False) -> None:
-    """Raise InputError unless points at these times can be a motion; messages name the times by `places`.
+    """Raise InputError if points at these times are no motion; messages name the times by `places`.
 
-    There must be at least 2 times, all finite. They begin at 0 and rise. The last time, or with `all_whole_ms` every
-    time, must be a whole millisecond.
+    There must be at least 2 times, all finite. They begin at 0 and increase. The last time, or with `all_whole_ms`
+    every time, must be a whole millisecond.
     """
     if len(times_s) < 2:
         raise InputError(f"{len(times_s)} points: a motion takes at least 2")
@@ -166,14 +169,11 @@ def check_times(times_s: FloatArray, places: Sequence[str] = (), *, all_whole_ms
 
 
 _SLACK: Final = 1e-9
-"""Part of a millisecond by which a blend may be too short: a rounding error would lengthen round times by 1 ms."""
-
+"""Time in ms by which a blend may be too short; otherwise a rounding error would add 1 ms to round times."""
 _GAP_MIN_MS: Final = 2
-"""Least time between two points: one millisecond for each one's blend."""
-
-
+"""Shortest time between two points: one millisecond for the blend of each."""
 ChangeTimes = Callable[[FloatArray], FloatArray]
-"""A function from changes of velocity, of shape (n, joints), to the seconds that they take at least, of shape (n,)."""
+"""Returns the shortest times in seconds, of shape (n,), of velocity changes of shape (n, joints)."""
 
 
 def blended_lines(
@@ -186,14 +186,15 @@ def blended_lines(
     """Return the motion along the lines through positions of shape (points, joints) at times in whole milliseconds.
 
     `change_times_s` determines the blends, by the robot's accelerations. Two blends that would overlap share the time
-    between their points in proportion: the motion then exceeds these accelerations, which the planner refuses with the
-    stretch that passes. `at_rest` tells whether the motion starts and ends at rest; otherwise it does so at the speed
-    of the outermost line.
+    between their points in proportion. The motion then exceeds these accelerations; the planner refuses it and names
+    the stretch factor that is possible. `at_rest` tells whether the motion starts and ends at rest; if not, it starts
+    or ends at the speed of the outermost line.
 
-    In a blend the velocity changes linearly from one line's to the next one's, around the point's time, so the motion
-    passes the point at a distance of |dv| T / 8, T being the blend's time and dv the change. Each blend is as short as
-    the joints' accelerations allow, and the same for all joints, so that these leave the lines together. At rest, at
-    the beginning and at the end, the blend lies within the motion, and its line is faster by as much.
+    In a blend the velocity changes linearly between the velocities of two lines, around the time of the point. So the
+    motion passes the point at a distance of |dv| T / 8, where T is the duration of the blend and dv the change. Each
+    blend is as short as the joints' accelerations allow, and equal for all joints, so they leave the lines together.
+    At a start or end at rest the blend is within the motion, and its line is correspondingly faster.
+
 
     Source: J. J. Craig, "Introduction to Robotics: Mechanics and Control", section 7.3, "linear function with parabolic
     blends for a path with via points", with one time for all joints.
@@ -215,7 +216,7 @@ def blended_lines(
     before, after = _velocities_per_ms(corners_ms, positions, at_rest)
     half = half_ms[:, np.newaxis]
     ends_ms = np.rint(np.concatenate([corners_ms - half_ms, corners_ms + half_ms])).astype(np.int64)
-    nodes_ms, chosen = np.unique(ends_ms, return_index=True)  # the cubics between the blends' ends: lines, parabolas
+    nodes_ms, chosen = np.unique(ends_ms, return_index=True)  # pieces: lines and parabolas
     places = np.concatenate([positions - before * half, positions + after * half])[chosen]
     velocities = 1000.0 * np.concatenate([before, after])[chosen]
     return Sampled.hermite(joint_names, nodes_ms / 1000, places, velocities)
@@ -224,9 +225,9 @@ def blended_lines(
 def _corners_ms(
     times_ms: Int64Array, reach_ms: Int64Array, at_rest: tuple[bool, bool]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the middle and half of the time of each blend, both of shape (points,).
+    """Return the middle and half of the duration of each blend, both of shape (points,).
 
-    A blend reaches as far to both sides of its point. At rest it lies on one side, with the middle at half its reach.
+    A blend is symmetric to its point. At rest it is on one side, with its middle at half its reach.
     """
     corners_ms, half_ms = times_ms.astype(np.float64), reach_ms.astype(np.float64)
     for end, inwards, rests in ((0, 1, at_rest[0]), (-1, -1, at_rest[1])):
@@ -250,7 +251,7 @@ def _velocities_per_ms(
 def _reach_ms(
     times_ms: Int64Array, positions: FloatArray, change_times_s: ChangeTimes, at_rest: tuple[bool, bool]
 ) -> Int64Array:
-    """Return how far each blend must reach into the lines beside its point, of shape (points,), in whole ms."""
+    """Return the time, in whole ms, that each blend needs in the lines beside its point, of shape (points,)."""
     reach_ms = np.zeros(len(times_ms), dtype=np.int64)
     both_ends = len(times_ms) == 2 and all(at_rest)
     for point, other, rests in ((0, 1, at_rest[0]), (-1, -2, at_rest[1])):
@@ -266,10 +267,10 @@ def _reach_ms(
 
 
 def _reach_at_rest_ms(dt_ms: float, change_ms2: float, *, both_ends: bool) -> float:
-    """Return the least time r of the blend at rest for a line, at most all of its time, or half if it has two.
+    """Return the shortest duration r of a line's blend at rest, at most the line's time, or half of it for two blends.
 
-    The line's speed is its way over dt - r / 2, or over dt - r with such a blend at both ends, and speed / r is the
-    acceleration. `change_ms2` is the way over the highest acceleration.
+    The line's speed is its distance divided by dt - r / 2, or by dt - r with such a blend at both ends; the
+    acceleration is speed / r. `change_ms2` is the distance divided by the highest acceleration.
     """
     if both_ends:
         return (dt_ms - sqrt(max(0.0, dt_ms**2 - 4.0 * change_ms2))) / 2.0

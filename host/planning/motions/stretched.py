@@ -1,4 +1,4 @@
-"""A motion made slower or faster as a whole: the same path, with all times multiplied by one factor."""
+"""Slow down or speed up a whole motion: the same path, with all times multiplied by one factor."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -25,8 +25,8 @@ from steptwin.host.planning.trajectory import (
 def least_passing(passes: Callable[[int], bool], fails: int, guess: int, largest: int) -> int | None:
     """Return the smallest number above `fails` that passes; None if none up to `largest` does.
 
-    What passes is taken to pass for all larger numbers. Whether it does so or not, the number before the one returned
-    is `fails` or has been tried and does not pass. A good guess, best from below, saves trials.
+    If a number passes, all larger ones are assumed to pass. The number before the result is `fails`, or was tried and
+    does not pass. A good guess, preferably too low, saves trials.
     """
     below, longer = fails, 1
     number = min(max(fails + 1, guess), largest)
@@ -48,24 +48,22 @@ def least_passing(passes: Callable[[int], bool], fails: int, guess: int, largest
 
 
 PER_FACTOR: Final = 1000
-"""Steps of 1 in a stretch factor: factors are found, said and tried in thousandths."""
-
+"""Resolution of stretch factors: thousandths."""
 STRETCH_MAX: Final = 1000.0
-"""Largest factor; a motion that needs a larger one has its times in a wrong unit."""
-
+"""Largest factor; a motion that needs a larger one has times in a wrong unit."""
 _WHOLE_MS: Final = 1e-6
-"""Part of a millisecond by which a time may miss a whole one and still count as it."""
+"""Tolerance in ms of a time that counts as a whole millisecond."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stretched(DerivedTrajectory):
     """A trajectory whose duration is another one.
 
-    Speeds become smaller by the factor, accelerations by its square. A breakpoint that falls between two milliseconds
-    becomes a breakpoint at each of them. The acceleration then jumps by some da within this millisecond, in which the
-    PVT record's cubic is less than da dt^2 / 32 from the motion: 0.003 step for 1000 deg/s^2 at 100 steps/deg. One
-    between the cubics of a fastest motion, where the acceleration hardly jumps, becomes only one, up to a millisecond
-    away, which is not beside another point: no record lasts a millisecond.
+    Speeds are divided by the factor, accelerations by its square. A breakpoint between two milliseconds becomes a
+    breakpoint at each of them. If the acceleration jumps by da within this millisecond, the cubic of the PVT record
+    deviates from the motion by less than da dt^2 / 32: 0.003 step for 1000 deg/s^2 at 100 steps/deg. A breakpoint with
+    almost continuous acceleration, as in a fastest motion, becomes a single one, up to a millisecond away and not
+    beside another point, so no record lasts one millisecond.
 
     Attributes:
         stretched_s: its new duration, a whole number of milliseconds.
@@ -77,7 +75,7 @@ class Stretched(DerivedTrajectory):
     def by(cls, trajectory: Trajectory, factor: float) -> "Stretched":
         """Return a trajectory that takes `factor` times as long, rounded up to a millisecond.
 
-        Raises InputError unless the factor is from 1 / STRETCH_MAX to STRETCH_MAX, and the duration up to LONGEST_MS.
+        Raises InputError if the factor is not from 1 / STRETCH_MAX to STRETCH_MAX, or the duration exceeds LONGEST_MS.
         """
         if not 1 / STRETCH_MAX <= factor <= STRETCH_MAX:
             raise InputError(f"stretch={factor:g}: is not from {1 / STRETCH_MAX:g} to {STRETCH_MAX:g}")
@@ -99,7 +97,7 @@ class Stretched(DerivedTrajectory):
 
     @property
     def breakpoints_s(self) -> tuple[float, ...]:
-        """The whole milliseconds at the trajectory's breakpoints, or around them."""
+        """Whole milliseconds at or around the trajectory's breakpoints."""
         smooth_ms, around_ms = smooth_breakpoints_ms(self.trajectory), set[int]()
         for t_s in self.trajectory.breakpoints_s:
             t_ms = 1000 * self.factor * t_s
@@ -132,7 +130,7 @@ class Stretched(DerivedTrajectory):
         return self.trajectory.velocities(self._own_s(t_s)) / self.factor
 
     def states(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return both."""
+        """Return positions and velocities."""
         positions, velocities = states(self.trajectory, self._own_s(t_s))
         return positions, velocities / self.factor
 
@@ -141,7 +139,7 @@ class Stretched(DerivedTrajectory):
 
 
 def _uncrowded(t_ms: float, taken_ms: set[int]) -> int:
-    """Return the nearest millisecond, up to one away, that is not beside a point of the grid or one that is taken."""
+    """Return the nearest millisecond, up to one away, that is not beside a grid point or an occupied millisecond."""
     near_ms = range(_floor_ms(t_ms - 1.0), _ceil_ms(t_ms + 1.0) + 1)
 
     def crowded(ms: int) -> tuple[bool, float]:
@@ -162,9 +160,9 @@ def _ceil_ms(t_ms: float) -> int:
 def smallest_stretch(
     trajectory: Trajectory, passes: Callable[[Trajectory], bool], least: float, fails: float = 1.0
 ) -> float | None:
-    """Return the smallest factor, in thousandths and above `fails`, that lets a trajectory pass.
+    """Return the smallest factor above `fails`, in thousandths, with which a trajectory passes.
 
-    At the factor `fails` it does not pass, below `least` it certainly does not. Returns None if no factor up to
+    It does not pass at the factor `fails`, and certainly not below `least`. Returns None if no factor up to
     `largest_stretch` passes.
     """
 
@@ -180,6 +178,6 @@ def smallest_stretch(
 
 
 def largest_stretch(trajectory: Trajectory) -> float:
-    """Return the largest factor for a trajectory, in thousandths: STRETCH_MAX, or that of the longest motion."""
+    """Return the largest factor for a trajectory, in thousandths: STRETCH_MAX, or less for the longest motion."""
     longest = floor(PER_FACTOR * LONGEST_MS / (1000 * trajectory.duration_s) + _WHOLE_MS) / PER_FACTOR
     return min(STRETCH_MAX, longest)

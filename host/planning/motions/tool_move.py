@@ -1,6 +1,6 @@
-"""Move the tool along a path in space by a time law, with the joints from inverse kinematics at every instant.
+"""Move the tool along a path in space by a time law, with joints from the inverse kinematics at every instant.
 
-The joints are checked and without jumps: on one branch of the arm, or on the one nearest to where the arm just was.
+The joints are checked and have no jumps: they stay on one branch of the arm, or on the one nearest to the last joints.
 """
 
 from collections.abc import Callable
@@ -28,23 +28,23 @@ def follow(robot: Robot, poses: FloatArray, t_s: FloatArray, branch: str, near: 
     """Return joints of shape (n, joints) for tool poses of shape (n, width) along a path, at times (n,).
 
     They begin at the turns nearest to `near`, of shape (joints,), and continue without jumps of a whole turn. The
-    planner checks the joints' limits, this function does not. It raises InputError, with the time, if the path leaves
-    the mechanism's reach or comes near a singularity.
+    planner checks the joints' limits, not this function. It raises InputError, with the time, if the path leaves the
+    mechanism's reach or is too close to a singularity.
     """
     return followed(robot, poses, at_time(t_s), branch, near).joints
 
 
 Where = Callable[[int], str]
-"""Says where a path is at the pose with an index, as in `at t = 0.100 s`."""
+"""Returns the position of a pose on its path as text, by its index, such as `at t = 0.100 s`."""
 
 
 def at_time(t_s: FloatArray) -> Where:
-    """Return how to say when a path is at a pose, from the times of shape (n,) of all its poses."""
+    """Return the `Where` of a path from the times, of shape (n,), of its poses."""
     return lambda i: f"at t = {t_s[i]:.3f} s"
 
 
 def followed(robot: Robot, poses: FloatArray, where: Where, branch: str, near: FloatArray) -> Branch:
-    """Return the same joints with what the kinematics says about them; messages tell `where` the path breaks off."""
+    """Return the joints as a branch of the kinematics, with constraints; messages use `where` for positions."""
     kinematics = make_kinematics(robot)
     if branch not in kinematics.branches:
         raise unknown("branch", branch, kinematics.branches)
@@ -60,7 +60,7 @@ def followed(robot: Robot, poses: FloatArray, where: Where, branch: str, near: F
 
 
 def present_branch(robot: Robot, joints: FloatArray) -> str:
-    """Return the branch on which an arm is: its joints at the arm's pose are those given, but for whole turns."""
+    """Return the present branch of an arm: its joints at the arm's pose equal the given ones, except for turns."""
     kinematics = make_kinematics(robot)
 
     def distance(branch: Branch) -> float:
@@ -71,14 +71,14 @@ def present_branch(robot: Robot, joints: FloatArray) -> str:
 
 
 _LOOKED_AT: Final = 257
-"""Poses of a path at which the branch is followed to its end."""
+"""Number of poses of a path at which its branches are determined."""
 
 
 def branches_on(robot: Robot, path: ToolPath, branch: str, start: FloatArray) -> tuple[tuple[str, ...], FloatArray]:
-    """Return the branches on which an arm is that follows a path from joints on a branch, and its joints at the end.
+    """Return the branches of an arm along a path that starts at joints on a branch, and the joints at its end.
 
-    Two branches may meet on the way, as straight through the wrist, if the arm follows the nearest one. Whether it
-    reaches the poses within its limits is not checked.
+    The branch may change at a point where two meet, such as at a straight wrist, if the arm follows the nearest one.
+    Limits are not checked.
     """
     kinematics = make_kinematics(robot)
     solved = kinematics.along(path.poses(np.linspace(0.0, path.length_mm, _LOOKED_AT)), branch, start)
@@ -86,7 +86,7 @@ def branches_on(robot: Robot, path: ToolPath, branch: str, start: FloatArray) ->
 
 
 def nearest_turns(robot: Robot, joints: FloatArray, near: FloatArray) -> FloatArray:
-    """Return joints of shape (joints,) with each rotary one in the turn nearest to `near`; limits do not matter."""
+    """Return joints of shape (joints,) with each rotary joint in the turn nearest to `near`, ignoring limits."""
     rotary = [joint.unit is Unit.DEG for joint in robot.joints]
     return np.where(rotary, joints + 360.0 * np.round((near - joints) / 360.0), joints)
 
@@ -98,7 +98,7 @@ def _turns_deg(first_deg: float, near_deg: float) -> float:
 
 
 def _check(constraints: tuple[Constraint, ...], where: Where, passes_until: Callable[[int], str]) -> None:
-    """Raise OutOfReachError for the first place where a path breaks a constraint, with the last that passes."""
+    """Raise OutOfReachError for the first violated constraint of a path, with the last pose that passes."""
     for constraint in constraints:
         if not constraint.kept.all():
             i = int(np.argmin(constraint.kept))
@@ -107,7 +107,7 @@ def _check(constraints: tuple[Constraint, ...], where: Where, passes_until: Call
 
 
 def _passes_until(kinematics: Kinematics, branch: str, poses: FloatArray, near: FloatArray, end: int) -> str:
-    """Return the last pose of a path before an index that passes in tenths of a mm and degree; nothing if none does."""
+    """Return the last pose before an index that passes, in 0.1 mm and degrees, as text; empty if none passes."""
     task = kinematics.task
     tenths = task.of_figures(np.round(task.figures(poses[:end]), 1) + 0.0)
     solved = kinematics.along(tenths, branch, near) if end else kinematics.solve(tenths, branch, near)
@@ -117,7 +117,7 @@ def _passes_until(kinematics: Kinematics, branch: str, poses: FloatArray, near: 
 
 
 _ALONG: Final = 20
-"""Places where a motion straight in joint space is compared with the tool's path."""
+"""Number of points at which a straight motion in joint space is compared with the tool's path."""
 _ON_PATH: Final = 1e-3
 """Distance in mm or degrees from the tool's path: less than a step of any axis, more than rounding at a singularity."""
 
@@ -134,10 +134,10 @@ def is_straight_in_joints(robot: Robot, path: ToolPath, start: FloatArray, goal:
 
 
 _STEP_MS: Final = 10
-"""Time between two instants when the joints' turns are stored: no joint turns half a circle in it."""
+"""Spacing in time of the stored joints: no joint makes half a turn in it."""
 
 _LENGTH_TOLERANCE: Final = 1e-9
-"""Rounding error, as a part of a path's length, by which a law's distance may differ."""
+"""Largest difference between a law's distance and a path's length, as a fraction of the length."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -248,40 +248,41 @@ class ToolMove:
         return self._rates(t_s, s_mm, self._solved(s_mm, self._guides(t_s)))
 
     def states(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return both, from one inverse of the poses."""
+        """Return positions and velocities, from one inverse of the poses."""
         s_mm, guides = self.law.position(t_s), self._guides(t_s)
         joints = self._solved(s_mm, guides)
         velocities = self._rates(t_s, s_mm, joints)
         return self._in_turns(joints, guides), velocities
 
     def _solved(self, s_mm: FloatArray, guides: FloatArray) -> FloatArray:
-        """Return joints, of shape (n, joints), at lengths of the path, near guides but for turns."""
+        """Return joints, of shape (n, joints), at lengths of the path, near guides except for turns."""
         return self.kinematics.at(self.path.poses(s_mm), self.branch, self.guide_joints[0], guides)
 
     def _in_turns(self, joints: FloatArray, guides: FloatArray) -> FloatArray:
-        """Return joints with each rotary one, in place, in the turn that the guide is in."""
+        """Shift each rotary joint, in place, to the turn of its guide; return the joints."""
         for axis in self.rotary:
             joints[:, axis] += 360.0 * np.round((guides[:, axis] - joints[:, axis]) / 360.0)
         return joints
 
     def _rates(self, t_s: FloatArray, s_mm: FloatArray, joints: FloatArray) -> FloatArray:
-        """Return the velocities of joints that lead the tool along the path."""
+        """Return joint velocities with which the tool follows the path."""
         tool = self.law.velocity(t_s)[:, np.newaxis] * self.path.derivatives(s_mm)
         return self.kinematics.joint_velocities(joints, tool)
 
     def _guides(self, t_s: FloatArray) -> FloatArray:
-        """Return joints near those at times of shape (n,), shape (n, joints)."""
+        """Return approximate joints, shape (n, joints), at times of shape (n,)."""
         return np.column_stack([np.interp(t_s, self.guide_s, column) for column in self.guide_joints.T])
 
 
 _JUMP_DEG: Final = 0.1
-"""Step of a rotary joint in a millisecond from which on a path is looked at: 100 degrees a second."""
+"""Step of a rotary joint in a millisecond above which a path is checked: 100 degrees per second."""
 
 
 def _check_steps(robot: Robot, kinematics: Kinematics, joints: FloatArray, t_s: FloatArray) -> None:
-    """Raise OutOfReachError where a joint's step in a millisecond is more than its speed, near a singularity.
+    """Raise OutOfReachError if, near a singularity, a joint's step in a millisecond exceeds its speed limit.
 
-    A branch that is kept cannot jump; elsewhere a motion that is too fast is the planner's to refuse.
+    A mechanism that keeps its branch cannot jump. Away from singularities, the planner refuses a motion that is too
+    fast.
     """
     if kinematics.keeps_branch or len(joints) < 2:
         return

@@ -1,4 +1,4 @@
-"""Motions that are timed as a whole, as fast as limits allow: what the core asks of the feature that times them."""
+"""Interface of the feature that times whole motions as fast as limits allow."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Protocol
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
     from steptwin.host.planning.trajectory import Trajectory
 
 FASTEST: Final = "fastest"
-"""The value of a `law` that stands for such a timing."""
+"""Value of `law` for such a timing."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """What limits a piece of a path.
+    """Limits of a piece of a path.
 
     Attributes:
         percent: percentage of the limits of joints and axes, above 0 and up to 100.
-        tool_mm_s: highest speed of the tool; infinite without one.
-        tool_deg_s: highest speed at which it turns in space; infinite without one.
+        tool_mm_s: highest speed of the tool; infinite for no limit.
+        tool_deg_s: highest rotation speed of the tool; infinite for no limit.
     """
 
     percent: float = 100.0
@@ -38,7 +38,7 @@ class Pace:
 
 
 class CornerError(InputError):
-    """A corner cannot be rounded so; `corner` is its number among those of the motion, from 0 on."""
+    """A corner cannot be rounded as requested; `corner` is its number in the motion, from 0 on."""
 
     def __init__(self, corner: int, message: str) -> None:
         super().__init__(message)
@@ -46,16 +46,16 @@ class CornerError(InputError):
 
 
 class FlowingSteps(Protocol):
-    """Legs of a motion that flow into each other and have not ended yet."""
+    """Legs of a blended motion under construction."""
 
     @property
     def start(self) -> FloatArray:
-        """Joints of shape (joints,) where the first leg begins."""
+        """Joints of shape (joints,) at the start of the first leg."""
         ...
 
     @property
     def is_open(self) -> bool:
-        """True if the last leg flows on."""
+        """True if the last leg is blended with a next one."""
         ...
 
     def __len__(self) -> int:
@@ -63,15 +63,15 @@ class FlowingSteps(Protocol):
         ...
 
     def add_joints(self, here: FloatArray, goal: FloatArray, pace: "StepPace") -> FloatArray:
-        """Add a move of all joints from here to a position; return where it ends."""
+        """Add a move of all joints from `here` to a position; return the joints at its end."""
         ...
 
     def add_path(self, here: FloatArray, path: "ToolPath", branch: str, pace: "ToolPace") -> FloatArray:
-        """Add a path of the tool from here on a branch; return the joints at its end."""
+        """Add a path of the tool from `here` on a branch; return the joints at its end."""
         ...
 
     def make(self, composer: "Composer") -> "list[LegTime]":
-        """Add the motion of all legs to a composer that stands at their start; return the time of each leg.
+        """Add the motion of all legs to a composer, which is at their start; return the time of each leg.
 
         Raises:
             CornerError: a corner cannot be rounded.
@@ -80,24 +80,24 @@ class FlowingSteps(Protocol):
 
 
 class MotionTimer(Protocol):
-    """Times motions as a whole, as fast as the limits of joints, axes and drives allow."""
+    """Times whole motions as fast as the limits of joints, axes and drives allow."""
 
     def again(self, robot: Robot, motion: "Trajectory", drives: DriveLimits | None = None) -> "Sequence":
-        """Return a motion along a motion's path, in its own time; raise InputError if there is none."""
+        """Return the fastest motion along the path of another motion; raise InputError if there is none."""
         ...
 
     def flow(self, robot: Robot, start: FloatArray, drives: DriveLimits | None) -> FlowingSteps:
-        """Return a flow without legs that begins at joints of shape (joints,)."""
+        """Return an empty blended motion that begins at joints of shape (joints,)."""
         ...
 
 
 def has_timer() -> bool:
-    """Return whether a feature times motions as a whole."""
+    """Return whether a feature times whole motions."""
     return bool(giving("timer"))
 
 
 def motion_timer() -> MotionTimer:
-    """Return what times motions as a whole; raise InputError if no feature does."""
+    """Return the timer of whole motions; raise InputError if no feature has one."""
     for _, make in giving("timer"):
         timer: MotionTimer = make()
         return timer

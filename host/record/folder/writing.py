@@ -1,17 +1,10 @@
-"""Write the folder of a run: report, robot, plan, every edge, bus log and a waveform; draw its pictures.
-
-The pictures are drawn here or in a process that gets ready while the run goes on, from the folder, so that `plot` draws
-the same: the stored motion differs slightly from the planned one (see `motion`).
-"""
+"""Write the folder of a run: report, robot, plan, every edge, bus log and a waveform."""
 
 import os
-import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from subprocess import DEVNULL, PIPE, Popen
-from typing import Any, Final
+from typing import Any
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import judge_of
@@ -31,18 +24,16 @@ from steptwin.host.record.folder.layout import (
     feature_files,
 )
 from steptwin.host.record.folder.motion import write_motion
-from steptwin.host.record.folder.reading import StoredRun, read_run
+from steptwin.host.record.folder.reading import read_run
+from steptwin.host.record.plots import PICTURES, RUN_PICTURES, write_plots
 from steptwin.host.record.waveforms import Format, whole_record, wires, write_waveform
 from steptwin.host.verify import Evidence
 from steptwin.protocol.frame import Frame
 
-DEFAULT_PICTURES: Final = ("joints", "step-rates", "tool-path", "error", "timing")
-"""Pictures that are drawn into every run's folder."""
-
 
 def run_files() -> tuple[str, ...]:
     """Return the names of the files of a run."""
-    return (*_files(), *(f"{name}.png" for name in DEFAULT_PICTURES)) if can_draw() else _files()
+    return (*_files(), *(f"{name}.png" for name in RUN_PICTURES)) if can_draw() else _files()
 
 
 def _files() -> tuple[str, ...]:
@@ -108,7 +99,7 @@ def write_folder(
 
 def older_files() -> tuple[str, ...]:
     """Return the names of the files that tell of a folder's run, all pictures of runs included."""
-    return (*_files(), *(f"{name}.png" for name in DEFAULT_PICTURES))
+    return (*_files(), *(f"{name}.png" for name in PICTURES))
 
 
 def can_draw() -> bool:
@@ -116,53 +107,11 @@ def can_draw() -> bool:
     return find_spec("matplotlib") is not None
 
 
-def draw_here(folder: Path) -> None:
-    """Draw the pictures of the run in a folder; raise OSError if one cannot be written."""
-    _draw(read_run(folder), folder, DEFAULT_PICTURES)
+def draw_pictures(folder: Path) -> None:
+    """Draw the pictures of the run in a folder; raise OSError if one cannot be written.
 
-
-@contextmanager
-def drawing_apart() -> Iterator[Callable[[Path], None]]:
-    """Yield a function that draws as `draw_here`, in a process that imports from now on what it needs.
-
-    Where that process fails, the function draws here, which tells why.
+    They are drawn from the folder, so that `plot` draws the same: the stored motion differs slightly from the planned
+    one (see `motion`), and with it the instant of the largest error.
     """
-    program = f"from {__name__} import draw_when_told; draw_when_told()"
-    with Popen([sys.executable, "-P", "-c", program], stdin=PIPE, stdout=DEVNULL, stderr=DEVNULL) as ahead:
-
-        def draw(folder: Path) -> None:
-            ahead.communicate(bytes(folder.absolute()))
-            if ahead.returncode:
-                draw_here(folder)
-
-        try:
-            yield draw
-        finally:
-            ahead.kill()  # it has ended, unless nothing was drawn
-
-
-def draw_when_told() -> None:
-    """Draw the pictures of the folder that standard input names, in two processes where the system can fork."""
-    import scipy.interpolate  # noqa: F401 - reading a run needs it; it takes as long as a picture
-
-    from steptwin.host.record import plots  # noqa: F401 - likewise
-
-    named = sys.stdin.buffer.read()
-    if not named:
-        return  # the run has failed
-    folder, middle = Path(os.fsdecode(named)), len(DEFAULT_PICTURES) // 2 + 1
     stored = read_run(folder)
-    if not hasattr(os, "fork"):
-        _draw(stored, folder, DEFAULT_PICTURES)
-    elif forked := os.fork():
-        _draw(stored, folder, DEFAULT_PICTURES[:middle])
-        _, status = os.waitpid(forked, 0)
-        sys.exit(os.waitstatus_to_exitcode(status) != 0)
-    else:
-        _draw(stored, folder, DEFAULT_PICTURES[middle:])
-
-
-def _draw(stored: StoredRun, folder: Path, names: Iterable[str]) -> None:
-    from steptwin.host.record.plots import write_plots
-
-    write_plots(folder, stored.comparison, stored.report.run, names)
+    write_plots(folder, RUN_PICTURES, stored.report.run, stored.comparison, stored.report.document)

@@ -1,80 +1,79 @@
-"""Draw pictures of a run from a comparison of plan and evidence, never from the firmware's own view."""
+"""Draw pictures of a run from a comparison of plan and evidence, never from the firmware's own view.
 
-from collections.abc import Callable, Iterable
+Importing this does not import matplotlib.
+"""
+
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
-import matplotlib as mpl
-from matplotlib.figure import Figure
-
-from steptwin.host.record.plots.canvas import STYLE, PlotMoment, PlotView, save_figure
-from steptwin.host.record.plots.close_ups import draw_edges, draw_phases
-from steptwin.host.record.plots.in_space import draw_run_in_space
-from steptwin.host.record.plots.joints import draw_error, draw_joints, draw_step_rates
-from steptwin.host.record.plots.timing import draw_jitter, draw_timing, draw_widths
-from steptwin.host.record.plots.tool_path import draw_tool_path, draw_tool_pose
+from steptwin.host.record.plots.picture import DEFAULT_VIEW, Picture, PlotView, draw_picture, write_pictures
 from steptwin.host.verify import Comparison, RunInfo
 
-__all__ = ["CLOSE_UPS", "DEFAULT_VIEW", "OF_TOOL", "PICTURES", "PlotMoment", "PlotView", "write_plots"]
+__all__ = [
+    "DEFAULT_VIEW",
+    "PICTURES",
+    "RUN_PICTURES",
+    "Picture",
+    "PlotView",
+    "draw_picture",
+    "write_pictures",
+    "write_plots",
+]
 
+_OWN: Final = "steptwin.host.record.plots."
+_OVERVIEW, _JOINTS, _ERROR = _OWN + "overview", _OWN + "joints", _OWN + "error"
+_TOOL, _SPACE, _TIMING, _CLOSE = _OWN + "tool_path", _OWN + "in_space", _OWN + "timing", _OWN + "close_ups"
+_TIME: Final = "time [s]"
+_LATE: Final = (
+    "accepted edge minus ideal crossing [us], positive is late;\n"
+    "linear within one count of the board's timer, +-0.014 us, logarithmic beyond"
+)
 
-Draw = Callable[[Comparison, RunInfo, PlotView], Figure]
+PICTURES: Final[Mapping[str, Picture]] = {
+    each.name: each
+    for each in (
+        Picture("overview", "overview", _OVERVIEW, above_inches=0.4, below_inches=0.6),
+        Picture("error", "counted minus planned", _ERROR, 0.95, (3.0, 1.3), ("whole motion", "largest, close up"),
+                (_TIME, "")),
+        Picture("joints", "planned joint motion", _JOINTS, 1.3, (1.0, 1.0, 1.0),
+                ("position", "speed", "acceleration"), (_TIME, _TIME, _TIME), 0.32),
+        Picture("step-rates", "step rates", _JOINTS, 1.3, across=(_TIME,)),
+        Picture("tool-path", "tool path", _TOOL, 2.9, (1.0, 1.0), above_inches=0.36, below_inches=0.6, of_tool=True),
+        Picture("tool-pose", "tool pose", _TOOL, 1.3, (1.0, 1.0), across=(_TIME, _TIME), above_inches=0.32,
+                of_tool=True),
+        Picture("in-space", "in space", _SPACE, of_tool=True),
+        Picture("timing", "edge timing against the ideal crossings", _TIMING, 1.2, across=(_LATE,), above_inches=0.36),
+        Picture("jitter", "interval jitter against the ideal crossings", _TIMING, 1.3, (3.0, 1.2),
+                across=(_TIME, "intervals"), above_inches=0.36),
+        Picture("widths", "CLK against the drivers' limits", _TIMING, 1.4, above_inches=0.36),
+        Picture("edges", "pins", _CLOSE, 0.32, close_up=True),
+        Picture("phases", "phase currents", _CLOSE, 1.7, (1.0, 2.6), ("B over A, the whole run", ""), ("A [A]", ""),
+                close_up=True),
+    )
+}  # fmt: skip
+"""Pictures of a run, by the names of their files, which the command line takes too."""
 
-
-def _whole(draw: Callable[[Comparison, RunInfo], Figure]) -> Draw:
-    """Turn a picture of the whole run into one that ignores the view."""
-    return lambda comparison, run, _view: draw(comparison, run)
-
-
-PICTURES: Final[dict[str, Draw]] = {
-    "joints": _whole(draw_joints),
-    "step-rates": _whole(draw_step_rates),
-    "tool-path": _whole(draw_tool_path),
-    "tool-pose": _whole(draw_tool_pose),
-    "in-space": draw_run_in_space,
-    "error": _whole(draw_error),
-    "timing": _whole(draw_timing),
-    "jitter": _whole(draw_jitter),
-    "widths": _whole(draw_widths),
-    "edges": draw_edges,
-    "phases": draw_phases,
-}
-"""Pictures by the names of their files, which the command line takes too."""
-
-OF_TOOL: Final = ("tool-path", "tool-pose", "in-space")
-"""Pictures of the tool, which are left out for a machine that has none."""
-
-CLOSE_UPS: Final = ("edges", "phases")
-"""Pictures that show the part of a run that a View chooses."""
-
-DEFAULT_VIEW: Final = PlotView()
-"""View that leaves the choice to each picture."""
-
-_UNDATED: Final[dict[str, dict[str, None]]] = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
-"""Metadata without a date, so that the same run gives the same bytes."""
+RUN_PICTURES: Final = ("overview", "error")
+"""Pictures that are drawn into every run's folder."""
 
 
 def write_plots(
-    out_dir: Path,
-    comparison: Comparison,
-    run: RunInfo,
+    folder: Path,
     names: Iterable[str],
+    run: RunInfo,
+    comparison: Comparison,
+    document: Mapping[str, Any],
     form: str = "png",
     view: PlotView = DEFAULT_VIEW,
 ) -> list[Path]:
-    """Draw pictures of a run into a directory, made if missing, and return the paths of the files.
+    """Draw pictures of a run into a folder, made if missing, and return the paths of the files.
 
-    `view` chooses the part of the run that pictures of single edges show, and frames in the picture in space.
+    Those of the tool are left out for a machine that has none. `document` is that of the run's report.json.
     """
-    out_dir.mkdir(parents=True, exist_ok=True)
-    paths = []
+    from steptwin.host.record.plots.shown_run import ShownRun
+
+    pictures = [PICTURES[name] for name in names]
     if not comparison.expected.task.width:
-        names = [name for name in names if name not in OF_TOOL]
-    with mpl.rc_context(STYLE):
-        for name in names:
-            path = out_dir / f"{name}.{form}"
-            figure = PICTURES[name](comparison, run, view)
-            figure.align_ylabels()
-            save_figure(figure, path, _UNDATED[form])
-            paths.append(path)
-    return paths
+        pictures = [each for each in pictures if not each.of_tool]
+    return write_pictures(folder, pictures, run, ShownRun(comparison, document, view), form)

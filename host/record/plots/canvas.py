@@ -1,13 +1,14 @@
-"""Share the parts of all pictures: style, headings, the choice of axes, and thinning of long series.
+"""Share the parts of all pictures: style, sheets of panels at fixed places, and thinning of long series.
 
 Figures are made without pyplot, which needs a window system and keeps global state.
 """
 
+import textwrap
 import warnings
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import accumulate
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, Literal
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -15,136 +16,28 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from matplotlib.transforms import blended_transform_factory
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.whole_file import whole_file
 from steptwin.host.record.path_error import heading
-from steptwin.host.verify import Comparison, RunInfo
-from steptwin.host.verify.deviation import critical_instants
-from steptwin.protocol.timer import COUNTS_PER_SECOND
+from steptwin.host.record.plots.picture import Picture
+from steptwin.host.verify import RunInfo
 
+DOTS_PER_INCH: Final = 120
+WIDTH_INCHES: Final = 10.0
+"""Width of a figure that is no Sheet."""
 
-@dataclass(frozen=True, slots=True)
-class PlotMoment:
-    """An instant in motion time and the span shown around it, half of the span on each side."""
+COLUMNS: Final = 640
+"""Number of columns of an envelope: about the width of a wide panel in pixels of a small screen."""
 
-    at_s: float
-    span_s: float
-
-    @property
-    def from_s(self) -> float:
-        """Beginning of the part."""
-        return self.at_s - self.span_s / 2.0
-
-    @property
-    def to_s(self) -> float:
-        """End of the part."""
-        return self.at_s + self.span_s / 2.0
-
-    @property
-    def label(self) -> str:
-        """Label of the axis of `shown_ms`."""
-        return around(self.at_s, decimals=6)
-
-    def shown_ms(self, times_s: FloatArray) -> FloatArray:
-        """Return motion times in milliseconds relative to the instant."""
-        shown: FloatArray = 1e3 * (times_s - self.at_s)
-        return shown
-
-
-@dataclass(frozen=True, slots=True)
-class PlotView:
-    """The part of a run that a user asks for; None leaves the choice to the picture.
-
-    Attributes:
-        at_s: middle of a close-up.
-        span_s: its width.
-        frames: whether the picture in space has the frames of base, joints and tool.
-    """
-
-    at_s: float | None = None
-    span_s: float | None = None
-    frames: bool = False
-
-    def moment(self, comparison: Comparison, intervals: int) -> PlotMoment:
-        """Return the part to show: by default around the fastest pulses, `intervals` of their intervals long.
-
-        Pulses count whether the driver accepts them or not. At an instant that the user asks for, the axis that is
-        fastest there decides the span, which is never longer than the whole motion.
-        """
-        duration_s = comparison.expected.trajectory.duration_s
-        if self.at_s is None:
-            interval_s, at_s = _fastest(comparison)
-        else:
-            interval_s, at_s = _shortest_at(comparison, self.at_s), self.at_s
-        return PlotMoment(at_s, min(intervals * interval_s, duration_s) if self.span_s is None else self.span_s)
-
-
-def around(at_s: float, decimals: int = 4) -> str:
-    """Return the label of an axis of time that zooms in on an instant and shows milliseconds from it."""
-    return f"around t = {at_s:.{decimals}f} s, in ms"
-
-
-def interval_around(times_s: FloatArray, at_s: float) -> float | None:
-    """Return the length of the interval around an instant; None before the first time and after the last."""
-    after = int(np.searchsorted(times_s, at_s))
-    return float(times_s[after] - times_s[after - 1]) if 0 < after < times_s.size else None
-
-
-def pulse_times(comparison: Comparison, axis: int) -> FloatArray:
-    """Return when STEP rose, from the motion's start on, whether the driver counted the pulse or not."""
-    rises = comparison.evidence.axes[axis].clk_rise_counts - comparison.evidence.start_counts
-    times_s: FloatArray = rises[rises >= 0] / COUNTS_PER_SECOND
-    return times_s
-
-
-def _fastest(comparison: Comparison) -> tuple[float, float]:
-    """Return the shortest interval of any axis and its middle; the whole motion if no axis has an interval."""
-    duration_s = comparison.expected.trajectory.duration_s
-    found = [_shortest(comparison, i) for i in range(len(comparison.axis_names))]
-    return min((one for one in found if one), default=(duration_s, duration_s / 2.0))
-
-
-def _shortest_at(comparison: Comparison, at_s: float) -> float:
-    """Return the shortest interval of all axes at an instant; the whole motion if no axis has an interval."""
-    times = [pulse_times(comparison, i) for i in range(len(comparison.axis_names))]
-    intervals_s = [_interval_s(time_s, at_s) for time_s in times if time_s.size > 1]
-    return min(intervals_s, default=comparison.expected.trajectory.duration_s)
-
-
-def _shortest(comparison: Comparison, axis: int) -> tuple[float, float] | None:
-    """Return one axis' shortest interval between pulses without a change of DIR, and its middle."""
-    times_s = pulse_times(comparison, axis)
-    turns_s = (comparison.evidence.axes[axis].dir_edge_counts - comparison.evidence.start_counts) / COUNTS_PER_SECOND
-    same_way = np.flatnonzero(np.diff(np.searchsorted(turns_s, times_s)) == 0)
-    if same_way.size == 0:
-        return None
-    intervals_s = np.diff(times_s)
-    first = int(same_way[np.argmin(intervals_s[same_way])])
-    return float(intervals_s[first]), float(times_s[first : first + 2].mean())
-
-
-def _interval_s(times_s: FloatArray, at_s: float) -> float:
-    """Return the interval between the two pulses around an instant, or the nearest interval."""
-    first = int(np.clip(np.searchsorted(times_s, at_s) - 1, 0, times_s.size - 2))
-    return float(times_s[first + 1] - times_s[first])
-
-
-DOTS_PER_INCH = 120
-WIDTH_INCHES = 10.0
-HEADING_INCHES = 0.9
-SAMPLES = 2001
-"""Number of instants when planned curves are drawn."""
-COLUMNS = 700
-"""Number of columns of an envelope: about the width of a wide plot in pixels."""
-
-PLANNED = "0.72"
+PLANNED: Final = "0.72"
 """Colour of planned curves: light grey; drawn broad, so that counted curves remain visible on them in print."""
-COUNTED = "#0b3c6f"
+COUNTED: Final = "#0b3c6f"
 """Colour of counted curves: dark blue, nearly black in greyscale."""
-LIMIT = "#a02010"
+LIMIT: Final = "#a02010"
 
-NO_MOTION = "no joint moves"
+NO_MOTION: Final = "no joint moves"
 
 STYLE: Any = {  # Any: matplotlib spells out every key as a literal type in some versions and none in others
     "axes.axisbelow": True,
@@ -163,12 +56,181 @@ STYLE: Any = {  # Any: matplotlib spells out every key as a literal type in some
     "svg.hashsalt": "steptwin",  # without it an SVG file's identifiers differ each time
 }
 
+SHEET_STYLE: Any = STYLE | {  # larger letters: on a telephone a sheet of 8 inches is 390 pixels wide
+    "axes.titlesize": 12,
+    "axes.labelsize": 11,
+    "axes.titley": 1.0,  # else matplotlib measures all labels to place the title above them
+    "axes.formatter.useoffset": False,
+    "figure.titlesize": 13,
+    "font.size": 12,
+    "legend.fontsize": 11,
+    "legend.handlelength": 1.6,
+    "legend.columnspacing": 1.4,
+    "xtick.labelsize": 11,
+    "ytick.labelsize": 11,
+}
 
-def new_figure(run: RunInfo, what: str, height_inches: float) -> Figure:
-    """Return an empty figure whose heading names the run and the picture, and says that the run is simulated."""
-    figure = Figure(figsize=(WIDTH_INCHES, height_inches + HEADING_INCHES), layout="constrained")
-    figure.suptitle(heading(run, what), x=0.01, ha="left", weight="bold")
-    return figure
+_SHEET_INCHES: Final = 8.0
+_EDGE_INCHES: Final = 0.18
+"""Room between the sheet's edge and its texts."""
+LEFT_INCHES: Final = 1.2
+"""Room on the left of a row's first panel: name with unit, and labels of ticks."""
+_APART_INCHES: Final = 1.0
+"""Room between two panels of a row, for the same."""
+_TICKS_INCHES: Final = 0.74
+"""Distance of a label from its panel: the width of seven digits."""
+_HEADING_LINE_INCHES, _LINE_INCHES, _HEADS_INCHES, _BELOW_INCHES = 0.25, 0.2, 0.3, 0.6
+_HEADING_CHARS, _CHARS = 68, 90
+"""Letters of a line of the heading, and of other texts, that fit on a sheet."""
+_NAME_CHARS_AN_INCH: Final = 11
+"""Letters of a panel's upright label that fit beside an inch of it."""
+
+
+class Sheet:
+    """A picture in the making: panels in rows and columns at fixed places.
+
+    The layouts of matplotlib measure all texts before they draw them, which takes as long as drawing.
+
+    Attributes:
+        figure: the figure.
+        picture: the picture's row of its table.
+        run: the run that the heading names.
+        band: figure coordinates of the upper left corner of the band between heading and panels.
+    """
+
+    figure: Figure
+    picture: Picture
+    run: RunInfo
+    band: tuple[float, float]
+
+    def __init__(self, picture: Picture, run: RunInfo) -> None:
+        self.figure, self.picture, self.run = Figure(), picture, run
+        self.band = (0.0, 1.0)
+
+    def entitle(self, what: str = "") -> int:
+        """Write the heading: the run, the picture, that the run is simulated. Return its number of lines."""
+        lines = textwrap.wrap(heading(self.run, what or self.picture.title), _HEADING_CHARS, break_long_words=True)
+        x, y = _EDGE_INCHES / self.figure.get_figwidth(), 1.0 - 0.12 / self.figure.get_figheight()
+        self.figure.suptitle("\n".join(lines), x=x, y=y, ha="left", va="top", weight="bold", linespacing=1.2)
+        return len(lines)
+
+    def panels(
+        self,
+        rows: int,
+        *,
+        what: str = "",
+        heads: Sequence[str] = (),
+        note: str = "",
+        band_lines: int = 0,
+        heights_inches: Sequence[float] = (),
+        left_inches: float = LEFT_INCHES,
+        right_inches: float = _EDGE_INCHES,
+        apart_inches: float = _APART_INCHES,
+        share: Literal["all", "column", "none"] = "all",
+    ) -> list[list[Axes]]:
+        """Return rows of panels; for 0 rows, one that says that no joint moves.
+
+        Args:
+            rows: number of rows.
+            what: what the heading says it is, in place of the picture's title.
+            heads: what stands above the columns, in place of the picture's.
+            note: text below all panels.
+            band_lines: number of lines of text, or of a legend, between heading and panels.
+            heights_inches: heights of rows that are not all as high as the picture says.
+            left_inches: room on the left of the first column.
+            right_inches: room on the right of the last column.
+            apart_inches: room between columns.
+            share: whether all panels have the same axis across, or those of a column, or none.
+        """
+        picture, figure = self.picture, self.figure
+        heights = list(heights_inches) or [picture.row_inches] * max(rows, 1)
+        notes = textwrap.wrap(note, _CHARS)
+        above, below = picture.above_inches, picture.below_inches
+        # A title's number of lines does not depend on the figure's size, which does on it.
+        heading_inches = 0.2 + _HEADING_LINE_INCHES * self.entitle(what)
+        top = heading_inches + _LINE_INCHES * 1.3 * band_lines + _HEADS_INCHES * any(picture.heads)
+        lines_across = max((text.count("\n") for text in picture.across), default=0) + len(notes)
+        bottom = max(_BELOW_INCHES - below, 0.12) + _LINE_INCHES * lines_across
+        high = top + sum(heights) + len(heights) * (above + below) + bottom
+        figure.set_size_inches(_SHEET_INCHES, high)
+        self.entitle(what)
+        self.band = (_EDGE_INCHES / _SHEET_INCHES, 1.0 - heading_inches / high)
+        if notes:
+            figure.supxlabel("\n".join(notes), size=10, x=self.band[0], y=0.08 / high, ha="left", va="bottom")
+        shares = picture.columns
+        room = _SHEET_INCHES - left_inches - right_inches - apart_inches * (len(shares) - 1)
+        widths = [room * each / sum(shares) for each in shares]
+        lefts = [left_inches + sum(widths[:i]) + i * apart_inches for i in range(len(widths))]
+        ends = list(accumulate(height + above + below for height in heights))
+        grid: list[list[Axes]] = []
+        for n, (height, end) in enumerate(zip(heights, ends, strict=True)):
+            y = high - top - end + below
+            row: list[Axes] = []
+            for column, (x, width) in enumerate(zip(lefts, widths, strict=True)):
+                first = grid[0][0 if share == "all" else column] if grid else row[0] if row and share == "all" else None
+                place = (x / _SHEET_INCHES, y / high, width / _SHEET_INCHES, height / high)
+                axes = figure.add_axes(place, sharex=None if share == "none" else first)
+                axes.locator_params(axis="x", nbins=max(2, int(width / 0.75)))
+                axes.locator_params(axis="y", nbins=max(2, int(height / 0.36)))
+                label_x = (x - _TICKS_INCHES) / _SHEET_INCHES
+                axes.yaxis.set_label_coords(label_x, 0.5, blended_transform_factory(figure.transFigure, axes.transAxes))
+                label_y = (y - 0.28) / high
+                axes.xaxis.set_label_coords(0.5, label_y, blended_transform_factory(axes.transAxes, figure.transFigure))
+                if share != "none" and n < len(heights) - 1:
+                    axes.tick_params(labelbottom=False)
+                row.append(axes)
+            grid.append(row)
+        for axes, text in zip(grid[0], heads or picture.heads, strict=False):
+            axes.text(0.0, 1.0 + (above + 0.1) / heights[0], text, transform=axes.transAxes, weight="bold")
+        for axes, text in zip(grid[-1], picture.across, strict=False):
+            axes.set_xlabel(text)
+        if rows == 0:
+            write_inside(grid[0][0], NO_MOTION)
+        return grid
+
+    def write(self, text: str, below_inches: float = 0.0, **options: Any) -> None:
+        """Write a text into the band between heading and panels, at a distance below its upper edge."""
+        x, y = self.band
+        y -= below_inches / self.figure.get_figheight()
+        self.figure.text(x, y, text, va="top", linespacing=1.3, **options)
+
+    def label(self, axes: Axes, name: str, unit: str) -> None:
+        """Write name and unit on the left of a panel, in two lines if they are long."""
+        height_inches = axes.get_position().height * self.figure.get_figheight()
+        text = f"{name} [{unit}]"
+        axes.set_ylabel(text if len(text) <= height_inches * _NAME_CHARS_AN_INCH else f"{name}\n[{unit}]")
+
+    def legend(self, axes: Axes, columns: int) -> None:
+        """Write the legend of a panel into the band between heading and panels."""
+        x, y = self.band
+        self.figure.legend(
+            *axes.get_legend_handles_labels(),
+            loc="upper left",
+            bbox_to_anchor=(x, y),
+            borderaxespad=0.0,
+            borderpad=0.0,
+            ncols=columns,
+        )
+
+
+def room_for(labels: Iterable[str]) -> float:
+    """Return the inches that labels need on the left of a panel with lanes."""
+    return 0.35 + 0.092 * max((len(line) for label in labels for line in label.split("\n")), default=0)
+
+
+LANE_HIGH: Final = 0.8
+"""Height of what is drawn in a lane; the rest is room above it."""
+
+
+def make_lanes(axes: Axes, labels: Sequence[str]) -> None:
+    """Divide a panel into lanes of height 1 below each other, the first one above 0, and label them on the left.
+
+    One panel with lanes is drawn several times faster than a panel for each of them.
+    """
+    axes.set_yticks([LANE_HIGH / 2 - lane for lane in range(len(labels))], labels)
+    axes.tick_params(axis="y", length=0)
+    axes.set_ylim(0.9 - max(len(labels), 1), 1.0)
+    axes.grid(visible=False, axis="y")
 
 
 def plain_texts(artist: Artist) -> None:
@@ -179,36 +241,18 @@ def plain_texts(artist: Artist) -> None:
         plain_texts(child)
 
 
-def save_figure(figure: Figure, path: Path, metadata: Mapping[str, Any]) -> None:
-    """Write a picture."""
+def save_figure(figure: Figure, path: Path, metadata: Mapping[str, Any], dots: float = DOTS_PER_INCH) -> None:
+    """Write a picture with so many dots per inch."""
     plain_texts(figure)
     layout = figure.get_layout_engine()
     if layout and path.suffix == ".png":  # else `savefig` would draw it twice, once only to lay it out
-        figure.set_dpi(DOTS_PER_INCH)
+        figure.set_dpi(dots)
         layout.execute(figure)
         figure.set_layout_engine(None)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # drawn as an empty box
         with whole_file(path) as file:
-            figure.savefig(file, format=path.suffix[1:], dpi=DOTS_PER_INCH, metadata=dict(metadata))
-
-
-def rows_of_axes(figure: Figure, rows: int, columns: int = 1, **options: Any) -> list[list[Axes]]:
-    """Return a grid of axes with a common x axis; with 0 rows, one row that says that no joint moves."""
-    grid = figure.subplots(max(rows, 1), columns, squeeze=False, **({"sharex": True} | options))
-    if rows == 0:
-        write_inside(grid[0, 0], NO_MOTION)
-    return [list(row) for row in grid]
-
-
-def rows_of_joints(
-    comparison: Comparison, run: RunInfo, what: str, row_inches: float, columns: int = 1, **options: Any
-) -> tuple[Figure, list[list[Axes]], list[int]]:
-    """Return a figure with a row of axes for each moving joint and a note of the others; the rows; these joints."""
-    moving = moving_axes(comparison)
-    figure = new_figure(run, what, row_inches * max(len(moving), 1))
-    note_still_axes(figure, comparison, moving)
-    return figure, rows_of_axes(figure, len(moving), columns, **options), moving
+            figure.savefig(file, format=path.suffix[1:], dpi=dots, metadata=dict(metadata))
 
 
 def write_inside(axes: Axes, text: str, **options: Any) -> None:
@@ -216,49 +260,25 @@ def write_inside(axes: Axes, text: str, **options: Any) -> None:
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", **options)
 
 
-def moving_axes(comparison: Comparison) -> list[int]:
-    """Return the axes that should have made a pulse or made one."""
-    return [
-        i
-        for i, evidence in enumerate(comparison.evidence.axes)
-        if len(comparison.ideal[i].signs) or len(evidence.clk_rise_counts)
-    ]
-
-
-def note_still_axes(figure: Figure, comparison: Comparison, moving: Sequence[int]) -> None:
-    """Write below the picture which joints it leaves out and where they stand."""
-    positions = comparison.expected.trajectory.positions(np.zeros(1))[0]
-    joint_of, units = comparison.expected.coupling.joint_of, comparison.expected.joint_units
-    still = [
-        f"{name} at {positions[joint_of(i)]:g} {units[joint_of(i)]}"
-        for i, name in enumerate(comparison.axis_names)
-        if i not in moving
-    ]
-    if still:
-        figure.supxlabel(f"Not shown, because without motion: {', '.join(still)}", size=8, x=0.01, ha="left")
-
-
-def planned_instants(comparison: Comparison) -> FloatArray:
-    """Return evenly spaced instants over the whole motion."""
-    return np.linspace(0.0, comparison.expected.trajectory.duration_s, SAMPLES)
-
-
-def drawn_instants(comparison: Comparison) -> FloatArray:
-    """Return every instant when an error may be largest, and enough others to draw the curve between."""
-    return np.union1d(critical_instants(comparison), planned_instants(comparison))
-
-
 def envelope(t_s: FloatArray, values: FloatArray, end_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Reduce a dense series for drawing to one instant, least and greatest value for each column of a picture.
 
     A line through thousands of edges would show patterns of the picture's own raster instead. Each column includes the
     neighbours on both sides, so that the curve between two instants is drawn too.
+
+    Args:
+        t_s: sorted instants, shape (n,).
+        values: shape (n,), or (k, n) for several values at each instant.
+        end_s: end of the last column; the first one begins at 0.
     """
     borders_s = np.linspace(0.0, end_s, COLUMNS + 1)
     first = np.maximum(np.searchsorted(t_s, borders_s[:-1]) - 1, 0)
-    last = np.minimum(np.searchsorted(t_s, borders_s[1:], side="right"), len(t_s) - 1)
-    parts = [values[..., a : b + 1] for a, b in zip(first, last, strict=True)]
-    lows, highs = (np.array([extreme(part) for part in parts]) for extreme in (np.min, np.max))
+    beyond = np.minimum(np.searchsorted(t_s, borders_s[1:], side="right"), len(t_s) - 1) + 1
+    parts = np.column_stack([first, beyond]).ravel()
+    lowest, highest = (extreme(np.atleast_2d(values), axis=0) for extreme in (np.min, np.max))
+    # A part's end may be the series' own, where `reduceat` needs one more value.
+    lows = np.minimum.reduceat(np.append(lowest, np.inf), parts)[::2]
+    highs = np.maximum.reduceat(np.append(highest, -np.inf), parts)[::2]
     return (borders_s[:-1] + borders_s[1:]) / 2.0, lows, highs
 
 

@@ -6,28 +6,15 @@ from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.record.plots.canvas import (
-    COUNTED,
-    LIMIT,
-    NO_MOTION,
-    PlotMoment,
-    PlotView,
-    interval_around,
-    moving_axes,
-    new_figure,
-    note_still_axes,
-    pulse_times,
-    write_inside,
-)
+from steptwin.host.record.plots.canvas import COUNTED, LIMIT, Sheet, room_for
+from steptwin.host.record.plots.shown_run import PlotMoment, ShownRun, interval_around, pulse_times
 from steptwin.host.record.waveforms import Signal, Window, whole_record, wires
-from steptwin.host.verify import Comparison, Phases, RunInfo
+from steptwin.host.verify import Comparison, Phases
 from steptwin.host.verify.counted import CountedSteps
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
-LANE_INCHES: Final = 0.3
 EDGE_INTERVALS: Final = 12
 _HIGH: Final = 0.6
 """Height of a high level, in lanes."""
@@ -37,13 +24,20 @@ _MARKED_MAX: Final = 200
 """Largest number of steps in view that are marked; more marks would merge into a band."""
 
 
-def draw_edges(comparison: Comparison, run: RunInfo, view: PlotView) -> Figure:
+def draw_edges(sheet: Sheet, shown: ShownRun) -> None:
     """Draw a lane for STEP and DIR of each axis and for every other pin that changes; mark the counted steps."""
-    moment = view.moment(comparison, EDGE_INTERVALS)
+    comparison, moment = shown.comparison, shown.moment(EDGE_INTERVALS)
     window = _window(comparison, moment)
     lanes = _lanes(comparison, window)
-    figure = new_figure(run, f"pins around t = {moment.at_s:.6f} s", LANE_INCHES * len(lanes) + 0.4)
-    axes = figure.subplots()
+    names = [f"{signal.axis} {signal.quantity.upper()}" for signal in lanes]
+    ((axes,),) = sheet.panels(
+        1,
+        what=f"{sheet.picture.title} around t = {moment.at_s:.6f} s",
+        band_lines=1,
+        heights_inches=[sheet.picture.row_inches * len(lanes)],
+        left_inches=room_for(names),
+        right_inches=1.2,
+    )
     for lane, signal in enumerate(lanes):
         times_s, levels = _course(signal, window)
         axes.plot(moment.shown_ms(times_s), levels * _HIGH - lane, color=COUNTED, drawstyle="steps-post")
@@ -52,8 +46,9 @@ def draw_edges(comparison: Comparison, run: RunInfo, view: PlotView) -> Figure:
     steps = [_mark_steps(axes, *each, moment) for each in zip(counted, firsts, strict=True)]
     _say_intervals(axes, comparison, firsts, moment)
     _finish_lanes(axes, lanes, moment)
-    axes.set_xlabel(f"{moment.label}; {_about_marks(steps)}")
-    return figure
+    axes.set_yticks([_HIGH / 2 - lane for lane in range(len(lanes))], names)
+    axes.set_xlabel(moment.label)
+    sheet.write(_about_marks(steps))
 
 
 def _window(comparison: Comparison, moment: PlotMoment) -> Window:
@@ -117,11 +112,10 @@ def _say_intervals(axes: Axes, comparison: Comparison, lanes: list[int], moment:
         text = f"{1e6 * interval_s:.2f} us"
         axes.text(1.01, _HIGH / 2 - lane, text, transform=axes.get_yaxis_transform(), va="center")
     if said:
-        axes.text(1.01, 1.0, "STEP interval at 0", transform=axes.transAxes, va="center", size=8)
+        axes.text(1.01, 1.0, "STEP interval at 0", transform=axes.transAxes, va="center", size=9)
 
 
 def _finish_lanes(axes: Axes, lanes: list[Signal], moment: PlotMoment) -> None:
-    axes.set_yticks([_HIGH / 2 - lane for lane in range(len(lanes))], [f"{s.axis} {s.quantity.upper()}" for s in lanes])
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(-len(lanes) + 0.8, 1.0)
     axes.grid(visible=False, axis="y")
@@ -135,8 +129,6 @@ def _finish_lanes(axes: Axes, lanes: list[Signal], moment: PlotMoment) -> None:
     axes.set_xlim(*moment.shown_ms(np.array([moment.from_s, moment.to_s])))
 
 
-ROW_INCHES: Final = 2.1
-WIDTH_RATIOS: Final = (1.0, 4.0)
 INTERVALS: Final = 160
 """Two and a half turns of the field at 1/16 step."""
 _ROOM: Final = 1.15
@@ -144,33 +136,25 @@ _LEAST_A: Final = 0.1
 """Half the height of the picture if no current flows."""
 
 
-def draw_phases(comparison: Comparison, run: RunInfo, view: PlotView) -> Figure:
+def draw_phases(sheet: Sheet, shown: ShownRun) -> None:
     """Draw a row for each moving axis: B over A for the whole run at the left, A and B over time at the right."""
-    moving = moving_axes(comparison)
-    moment = view.moment(comparison, INTERVALS)
-    count = max(len(moving), 1)
-    figure = new_figure(run, f"phase currents around t = {moment.at_s:.6f} s", ROW_INCHES * count)
-    rows = figure.subplots(count, 2, squeeze=False, width_ratios=WIDTH_RATIOS, sharex="col", sharey=True)
-    if not moving:
-        write_inside(rows[0, 1], NO_MOTION)
+    comparison, moving, moment = shown.comparison, shown.moving, shown.moment(INTERVALS)
+    what = f"{sheet.picture.title} around t = {moment.at_s:.6f} s"
+    rows = sheet.panels(len(moving), what=what, note=shown.still, band_lines=1, share="column")
+    peak_a = _ROOM * max([_LEAST_A, *(_peak_a(comparison.evidence.axes[i].phases) for i in moving)])
     for (left, right), i in zip(rows, moving, strict=False):
         phases = comparison.evidence.axes[i].phases
         _draw_field(left, phases)
         _draw_currents(right, phases, moment, comparison.evidence.start_counts)
         left.set_ylabel(f"{comparison.axis_names[i]} [A]")
-        right.tick_params(labelleft=True)
-    peak_a = _ROOM * max([_LEAST_A, *(_peak_a(comparison.evidence.axes[i].phases) for i in moving)])
-    rows[0, 0].set_xlim(-peak_a, peak_a)
-    rows[0, 0].set_ylim(-peak_a, peak_a)
-    rows[0, 0].set_title("B over A, the whole run", loc="left")
-    rows[-1, 0].set_xlabel("A [A]")
-    rows[-1, 1].set_xlabel(moment.label)
+        for axes in (left, right):
+            axes.set_ylim(-peak_a, peak_a)
+    rows[0][0].set_xlim(-peak_a, peak_a)
+    rows[-1][1].set_xlabel(moment.label)
     power_up_s = -comparison.evidence.start_counts / COUNTS_PER_SECOND  # the record begins at power-up
-    rows[-1, 1].set_xlim(*moment.shown_ms(np.array([max(moment.from_s, power_up_s), moment.to_s])))
+    rows[-1][1].set_xlim(*moment.shown_ms(np.array([max(moment.from_s, power_up_s), moment.to_s])))
     if moving:
-        figure.legend(*rows[0, 1].get_legend_handles_labels(), loc="outside upper right", ncols=2)
-    note_still_axes(figure, comparison, moving)
-    return figure
+        sheet.legend(rows[0][1], 2)
 
 
 def _peak_a(phases: Phases) -> float:

@@ -1,8 +1,8 @@
-"""Draw an arm in space, with the frames of its DH table or the path of its tool: three-dimensional, true to scale."""
+"""Draw an arm in space, with the path of its tool or a cloud of its positions: three-dimensional, true to scale."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise, product
+from itertools import product
 from typing import Any, Final
 
 import numpy as np
@@ -10,21 +10,18 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.record.path_error import heading, path_error
-from steptwin.host.record.plots.canvas import COUNTED, PLANNED, WIDTH_INCHES, PlotView
-from steptwin.host.robots.box import Box
+from steptwin.host.record.path_error import path_error
+from steptwin.host.record.plots.canvas import COUNTED, PLANNED, WIDTH_INCHES, Sheet
+from steptwin.host.record.plots.shown_run import SAMPLES, ShownRun
 from steptwin.host.robots.kinematics import ArmPart, Role, make_kinematics
 from steptwin.host.robots.kinematics.base import tool_frames
-from steptwin.host.robots.kinematics.dh import Convention
 from steptwin.host.robots.kinematics.marks import Skeleton
 from steptwin.host.robots.robot import Robot
-from steptwin.host.verify import Comparison, RunInfo
 
 ARM: Final = "#7a3d00"
 """Colour of the arm: dark brown, as in the views onto planes."""
 TRIAD: Final = (("x", "#b5432a"), ("y", "#2a7f62"), ("z", "#2456a6"))
 """Names and colours of a frame's axes; the letter is written at each axis' end, so that print needs no colours."""
-
 _WIDTHS: Final = {Role.GUIDE: 1.2, Role.SLIDE: 5.0, Role.LINK: 4.5, Role.TOOL: 2.0, Role.HAND: 2.0}
 _HIGHEST_INCHES: Final = 6.2
 """Greatest height of a view's box on paper, without its labels."""
@@ -38,105 +35,50 @@ _AROUND_INCHES: Final = (0.65, 0.8)
 """Room above the box, for headings, and below it, for its labels."""
 _TICK_INCHES: Final = 0.7
 """Length of an axis on paper for each piece between its ticks."""
-_TRIAD_PART: Final = 0.13
-"""Length of a frame's axes in parts of the arm's extent."""
+_LETTERS: Final = 9
+"""Size of the labels around a view, for which there is room."""
 _BASE_PART: Final = 0.08
 """Radius of the base's ring in parts of the arm's extent."""
 _DEPTH_PART: Final = 0.4
 """Least depth of the view's box in parts of its longest side."""
 _LEAST_MM: Final = 1.0
 """Least side of the view's box, around a tool that stands still."""
-_BESIDE_PART: Final = 0.45
-"""Distance between the labels of two axes that point the same way, level, in parts of their length."""
-_NEAR: Final = 0.03
-"""Origins nearer than this part of the extent share a label."""
 _ELEVATION_DEG: Final = 24.0
 """Elevation from which the arm is seen."""
 _AZIMUTHS_DEG: Final = (-58.0, -28.0, -118.0)
 """Azimuths from which the arm may be seen: the one that shows its shortest drawn link longest is taken."""
-_UP: Final = np.array([0.0, 0.0, 1.0])
-_ASIDE_PART: Final = 0.07
-"""Distance of a dimension's arrow from what it measures, in parts of the arm's extent."""
-_HEAD_PART: Final = 0.03
-"""Length of the head of a dimension's arrow in parts of the arm's extent."""
-_DIMENSION: Final = "#a02010"
 HAND: Final = "#d9822b"
 """Colour of the arrow that shows where the tool points."""
 _POINTING: Final = {"scara": "x", "direction": "z", "pose": "z"}
 """The tool's axis that shows its orientation, by its task."""
-_INSTANTS: Final = 2001
-"""Instants of a run's path; its arrows are at some of them."""
 _ARROWS: Final = 20
 _ARROW_PART: Final = 0.12
 """Length of an arrow of the tool's direction in parts of the path's extent."""
-_PIECES: Final = 12
-"""Places of a body that a label keeps away from."""
-_AXIS: Final = "#2456a6"
-
-
-def draw_arm_in_space(robot: Robot, joints: tuple[float, ...] | None = None) -> Figure:
-    """Return a figure of the arm at a joint position, in mm and degrees, or at home, with its dimensions and joints.
-
-    A robot on slides is drawn twice: the arm, and the whole robot with the boxes around it, such as its shelf.
-    """
-    kinematics, position = make_kinematics(robot), np.array([joints or robot.home])
-    parts = kinematics.links(position)
-    guided = [part for part in parts if part.name.startswith("rail")]
-    figure, views = _space(parts, 2 if guided else 1)
-    _draw_parts(views[0], parts, within=_around(parts))
-    dimensions_mm = _draw_dimensions(views[0], robot, position)
-    axes_mm = _draw_joint_axes(views[0], robot, position, parts, dimensions_mm)
-    drawn = [_around(parts), _draw_base(views[0], parts, robot), dimensions_mm, axes_mm]
-    shown = [np.vstack(drawn)]
-    if guided:
-        _draw_parts(views[1], parts)
-        boxes = [_draw_box(views[1], box) for box in robot.boxes.values()]
-        shown.append(np.vstack([*(part.points_mm[0] for part in parts), *boxes]))
-    _fit(figure, views, shown, ("the arm", "with slides and boxes around") if guided else ())
-    return figure
-
-
-def draw_link_frames(robot: Robot, joints: tuple[float, ...]) -> Figure:
-    """Return a figure of the arm with the frame behind each row of its DH table, and each row's z axis as a line.
-
-    Frames are numbered as the table numbers them: 0 is the base's. Frames at the same place share their number's label.
-    """
-    kinematics, position = make_kinematics(robot), np.array([joints])
-    parts = kinematics.links(position)
-    figure, (axes,) = _space(parts)
-    frames = kinematics.dh.frames(kinematics.dh_variables(position))[:, 0]
-    points_mm = np.vstack([_points_of(parts), frames[:, :3, 3]])
-    extent_mm = float(np.ptp(points_mm, axis=0).max())
-    _draw_parts(axes, parts, alpha=0.35, within=points_mm)
-    drawn = [points_mm, _draw_base(axes, parts, robot)]
-    for numbers in _together(frames, _NEAR * extent_mm):
-        drawn.append(_draw_frames(axes, frames, numbers, _TRIAD_PART * extent_mm))
-    _fit(figure, [axes], [np.vstack(drawn)])
-    return figure
 
 
 def draw_cloud_in_space(robot: Robot, cloud_mm: FloatArray, colour: str) -> Figure:
     """Return a figure of positions of the tool, of shape (n, 3), and the arm at home."""
     parts = make_kinematics(robot).links(np.array([robot.home]))
-    figure, (axes,) = _space(parts)
+    figure = Figure()
+    (axes,) = space_views(figure, parts)
     axes.plot(*cloud_mm.T, "o", markeredgewidth=0, markersize=1.5, color=colour, alpha=0.7)
-    drawn = np.vstack([cloud_mm, _around(parts), _draw_base(axes, parts, robot)])
-    _draw_parts(axes, parts, within=drawn)
-    _fit(figure, [axes], [drawn])
+    drawn = np.vstack([cloud_mm, points_around(parts), draw_base(axes, parts, robot)])
+    draw_parts(axes, parts, within=drawn)
+    fit_views(figure, [axes], [drawn])
     return figure
 
 
-def draw_run_in_space(comparison: Comparison, run: RunInfo, view: PlotView) -> Figure:
-    """Return a figure of a run's path with the tool's direction on the way, and of the arm at its start and end.
+def draw_in_space(sheet: Sheet, shown: ShownRun) -> None:
+    """Draw a run's path with the tool's direction on the way, and the arm at its start and end.
 
     Frames of base, joints and tool are those at the start. Without a known robot there is the path alone.
     """
+    comparison = shown.comparison
     robot, trajectory = comparison.expected.robot, comparison.expected.trajectory
-    t_s = np.linspace(0.0, trajectory.duration_s, _INSTANTS)
-    path = path_error(comparison, t_s)
-    joints = trajectory.positions(t_s[:: _INSTANTS // _ARROWS])
+    path = path_error(comparison, shown.planned_s)
+    joints = trajectory.positions(shown.planned_s[:: SAMPLES // _ARROWS])
     links = make_kinematics(robot).links(joints) if robot else ()
-    figure, (near, whole) = _space(links, 2)
+    near, whole = space_views(sheet.figure, links, 2)
     for axes in (near, whole):
         axes.plot(*path.planned_mm.T, color=PLANNED, linewidth=4.0, label="planned")
         axes.plot(*path.counted_mm().T, color=COUNTED, linewidth=0.8, label="counted")
@@ -145,19 +87,19 @@ def draw_run_in_space(comparison: Comparison, run: RunInfo, view: PlotView) -> F
     close, all_mm, title = [path.planned_mm], [path.planned_mm], "the path"
     if robot:
         start, end = (_at_one(links, i) for i in (0, -1))
-        _draw_parts(whole, end, alpha=0.35)
-        _draw_parts(whole, start)
-        all_mm += [_points_of(start), _points_of(end), _draw_base(whole, start, robot)]
-        if view.frames:
+        draw_parts(whole, end, alpha=0.35)
+        draw_parts(whole, start)
+        all_mm += [points_of(start), points_of(end), draw_base(whole, start, robot)]
+        if shown.view.frames:
             all_mm += [_draw_mark(whole, mark) for mark in Skeleton(robot).frames(joints[:1])]
         if axis := _POINTING.get(comparison.expected.task.name):
             length_mm = _ARROW_PART * max(1.0, float(np.ptp(path.planned_mm, axis=0).max()))
             close.append(_draw_pointing(near, tool_frames(make_kinematics(robot), joints), axis, length_mm))
             title = f"the path and the tool's {axis} axis"
-    _fit(figure, [near, whole], [np.vstack(close), np.vstack(all_mm)], (title, "with the arm at start and end"))
-    figure.suptitle(heading(run, "in space"), x=0.01, ha="left", weight="bold")
-    figure.legend(handles=near.get_lines()[:4], loc="lower left", ncols=4)
-    return figure
+    views, titles = [near, whole], (title, "with the arm at start and end")
+    fit_views(sheet.figure, views, [np.vstack(close), np.vstack(all_mm)], titles)
+    sheet.entitle()
+    sheet.figure.legend(handles=near.get_lines()[:4], loc="lower left", ncols=4)
 
 
 def _draw_pointing(axes: Any, tools: FloatArray, axis: str, length_mm: float) -> FloatArray:
@@ -180,17 +122,16 @@ def _draw_mark(axes: Any, mark: ArmPart) -> FloatArray:
     return ends_mm
 
 
-def _space(
-    parts: tuple[ArmPart, ...], count: int = 1
-) -> tuple[Figure, list[Any]]:  # Any: matplotlib's stubs know no 3D axes
-    figure = Figure(figsize=(WIDTH_INCHES, WIDTH_INCHES))
+def space_views(figure: Figure, parts: tuple[ArmPart, ...], count: int = 1) -> list[Any]:
+    """Return views into space; Any: matplotlib's stubs know no 3D axes."""
+    figure.set_size_inches(WIDTH_INCHES, WIDTH_INCHES)
     views: list[Any] = [figure.add_subplot(1, count, i + 1, projection="3d") for i in range(count)]
     for axes in views:
         axes.view_init(_ELEVATION_DEG, _azimuth_deg(parts))
-    return figure, views
+    return views
 
 
-def _right(azimuth_deg: float) -> FloatArray:
+def rightwards(azimuth_deg: float) -> FloatArray:
     """Return the direction in space that is to the right in a picture from an azimuth."""
     azimuth_rad = np.deg2rad(azimuth_deg)
     return np.array([-np.sin(azimuth_rad), np.cos(azimuth_rad), 0.0])
@@ -199,23 +140,23 @@ def _right(azimuth_deg: float) -> FloatArray:
 def _azimuth_deg(parts: tuple[ArmPart, ...]) -> float:
     """Return the azimuth that shows the links best: none of them end on."""
     ways_mm = [part.points_mm[0, -1] - part.points_mm[0, 0] for part in parts if part.role is Role.LINK]
-    return max(_AZIMUTHS_DEG, key=lambda azimuth: min((abs(way @ _right(azimuth)) for way in ways_mm), default=0.0))
+    return max(_AZIMUTHS_DEG, key=lambda azimuth: min((abs(way @ rightwards(azimuth)) for way in ways_mm), default=0.0))
 
 
-def _points_of(parts: tuple[ArmPart, ...]) -> FloatArray:
+def points_of(parts: tuple[ArmPart, ...]) -> FloatArray:
     """Return all points of the parts but the guides', which may be far longer than the arm, of shape (n, 3)."""
     return np.vstack([part.points_mm[0] for part in parts if part.role is not Role.GUIDE])
 
 
-def _around(parts: tuple[ArmPart, ...]) -> FloatArray:
+def points_around(parts: tuple[ArmPart, ...]) -> FloatArray:
     """Return the points of the parts, and those of guides that are no longer than the arm, of shape (n, 3)."""
-    points_mm = _points_of(parts)
+    points_mm = points_of(parts)
     longest_mm = float(np.ptp(points_mm, axis=0).max())
     guides = [part.points_mm[0] for part in parts if part.role is Role.GUIDE]
     return np.vstack([points_mm, *(guide for guide in guides if np.ptp(guide, axis=0).max() <= longest_mm)])
 
 
-def _draw_parts(axes: Any, parts: tuple[ArmPart, ...], alpha: float = 1.0, within: FloatArray | None = None) -> None:
+def draw_parts(axes: Any, parts: tuple[ArmPart, ...], alpha: float = 1.0, within: FloatArray | None = None) -> None:
     """Draw the parts; guides, which may be far longer than the arm, only in the box around the points `within`."""
     for part in parts:
         points_mm, shown = part.points_mm[0], alpha
@@ -230,121 +171,9 @@ def _draw_parts(axes: Any, parts: tuple[ArmPart, ...], alpha: float = 1.0, withi
                   marker="o" if part.role is Role.LINK else "", markersize=7, markerfacecolor="white")  # fmt: skip
 
 
-def _draw_box(axes: Any, box: Box) -> FloatArray:
-    """Draw a box's edges; return their ends, of shape (24, 3)."""
-    for edge_mm in box.edges_mm:
-        axes.plot(*edge_mm.T, color="0.55", linewidth=0.7)
-    return box.edges_mm.reshape(-1, 3)
-
-
-def dimension_names(robot: Robot) -> dict[tuple[int, str], str]:
-    """Return the name of the robot's dimension behind a row's a or d in the DH table, by the row's index and letter.
-
-    A dimension belongs to the parameter that changes with it.
-    """
-    rows, names = make_kinematics(robot).dh.rows, {}
-    for key, value in robot.geometry.items():
-        if not key.endswith("_mm") or not isinstance(value, float):
-            continue
-        changed = make_kinematics(replace(robot, geometry={**robot.geometry, key: value * 1.01 + 0.01})).dh.rows
-        for i, (row, other) in enumerate(zip(rows, changed, strict=True)):
-            for letter, before, after in (
-                ("a", row.a_mm, other.a_mm),
-                ("d", row.d_mm.constant, other.d_mm.constant),
-            ):
-                if before != after and before:
-                    names[i, letter] = key.removesuffix("_mm")
-    return names
-
-
-def _draw_dimensions(axes: Any, robot: Robot, position: FloatArray) -> FloatArray:
-    """Draw an arrow beside each named length of the DH table, with name and mm; return the labels' places."""
-    kinematics = make_kinematics(robot)
-    dh = kinematics.dh
-    frames = dh.frames(kinematics.dh_variables(position))[:, 0]
-    extent_mm = float(np.ptp(_points_of(kinematics.links(position)), axis=0).max())
-    places, right = [frames[-1, :3, 3]], _right(axes.azim)
-    for (i, letter), name in dimension_names(robot).items():
-        modified, row = dh.convention is Convention.MODIFIED, dh.rows[i]
-        if letter == "a":
-            length_mm, direction = row.a_mm, frames[i if modified else i + 1, :3, 0]
-        else:
-            length_mm, direction = row.d_mm.constant, frames[i + 1 if modified else i, :3, 2]
-        along_mm = length_mm * direction
-        from_base = (letter == "a") is modified
-        start_mm = frames[i, :3, 3] if from_base else frames[i + 1, :3, 3] - along_mm
-        if letter == "d" and row.d_mm.variable:
-            start_mm = start_mm - (kinematics.dh_variables(position)[row.d_mm.variable][0] * row.d_mm.sign) * direction
-        aside_mm = _ASIDE_PART * extent_mm * (right if abs(direction[2]) > 0.5 else _UP)
-        ends = start_mm + aside_mm, start_mm + aside_mm + along_mm
-        head = min(0.4, _HEAD_PART * extent_mm / abs(length_mm))
-        for end, way in zip(ends, (along_mm, -along_mm), strict=True):
-            axes.quiver(*end, *way, color=_DIMENSION, linewidth=1.0, arrow_length_ratio=head)
-            axes.plot(*np.array([end - aside_mm, end]).T, color=_DIMENSION, linewidth=0.5)
-        place = (ends[0] + ends[1]) / 2 + 0.5 * aside_mm
-        upright = aside_mm[2] == 0.0
-        ways = ("left", "center") if upright else ("center", "bottom")
-        _write(axes, place, f"{name} = {abs(length_mm):g} mm", _DIMENSION, *ways)
-        places += [place, place + 0.2 * extent_mm * right] if upright else [place]
-    return np.array(places)
-
-
-def _draw_joint_axes(
-    axes: Any, robot: Robot, position: FloatArray, parts: tuple[ArmPart, ...], labels_mm: FloatArray
-) -> FloatArray:
-    """Draw the axis of each joint, with its name at the end that is farther from bodies and other names in the picture.
-
-    Joints on one axis share it. `labels_mm`, of shape (n, 3), are the places of labels. Returns the ends, (n, 3).
-    """
-    named: list[tuple[FloatArray, str]] = []
-    for mark, name in zip(Skeleton(robot).axes(position), robot.joint_names, strict=True):
-        ends_mm = mark.points_mm[0]
-        for n, (known_mm, names) in enumerate(named):
-            if (joined_mm := _joined(known_mm, ends_mm)) is not None:
-                named[n] = joined_mm, f"{names}, {name}"
-                break
-        else:
-            named.append((ends_mm, name))
-    picture = _picture_of(axes)
-    taken = [np.linspace(start, end, _PIECES) @ picture for part in parts for start, end in pairwise(part.points_mm[0])]
-    taken.append(labels_mm @ picture)
-    for ends_mm, name in named:
-        axes.plot(*ends_mm.T, color=_AXIS, linewidth=1.0, linestyle="-.")
-        outside_mm = ends_mm + 0.1 * (ends_mm - ends_mm[::-1])
-        beside_mm = picture @ _across((ends_mm[1] - ends_mm[0]) @ picture)
-        places_mm = np.vstack([outside_mm + part * beside_mm for part in (0.0, 0.2, -0.2)])
-        room = [np.linalg.norm(np.vstack(taken) - place_mm @ picture, axis=1).min() for place_mm in places_mm]
-        place_mm = places_mm[int(np.argmax(room))]
-        taken.append(np.array([place_mm @ picture]))
-        _write(axes, place_mm, name, _AXIS, "center", "center")
-    return np.vstack([ends_mm for ends_mm, _ in named])
-
-
-def _across(way: FloatArray) -> FloatArray:
-    """Return a way in the picture, of shape (2,), turned by a quarter."""
-    return np.array([-way[1], way[0]])
-
-
-def _joined(first_mm: FloatArray, second_mm: FloatArray) -> FloatArray | None:
-    """Return the ends of two axes together, both of shape (2, 3); None unless they are one line, or far along it."""
-    way_mm = first_mm[1] - first_mm[0]
-    along = (second_mm - first_mm[0]) @ way_mm / (way_mm @ way_mm)
-    off_mm = np.linalg.norm(second_mm - first_mm[0] - np.outer(along, way_mm), axis=1)
-    if off_mm.max() > 1.0 or along.min() > 1.0 or along.max() < 0.0:
-        return None
-    return np.asarray(first_mm[0] + np.outer([min(0.0, along.min()), max(1.0, along.max())], way_mm))
-
-
-def _picture_of(axes: Any) -> FloatArray:
-    """Return the directions in space that are to the right and upwards in the picture, the columns of (3, 2)."""
-    right, tilt_rad = _right(axes.azim), np.deg2rad(axes.elev)
-    towards = np.cross(right, _UP)
-    return np.column_stack([right, np.cos(tilt_rad) * _UP - np.sin(tilt_rad) * towards])
-
-
-def _draw_base(axes: Any, parts: tuple[ArmPart, ...], robot: Robot) -> FloatArray:
+def draw_base(axes: Any, parts: tuple[ArmPart, ...], robot: Robot) -> FloatArray:
     """Draw a ring around the base's axis, at the arm's lowest height; return its points, of shape (n, 3)."""
-    points_mm = _points_of(parts)
+    points_mm = points_of(parts)
     radius_mm = _BASE_PART * float(np.ptp(points_mm, axis=0).max())
     lowest_mm = min(float(part.points_mm[0, :, 2].min()) for part in parts)
     angle = np.linspace(0.0, 2 * np.pi, 60)
@@ -355,49 +184,7 @@ def _draw_base(axes: Any, parts: tuple[ArmPart, ...], robot: Robot) -> FloatArra
     return ring_mm
 
 
-def _together(frames: FloatArray, near_mm: float) -> list[list[int]]:
-    """Return the numbers of the frames, those with nearly the same origin together."""
-    return _grouped(range(len(frames)), frames[:, :3, 3], near_mm)
-
-
-def _grouped(numbers: Iterable[int], vectors: FloatArray, near: float) -> list[list[int]]:
-    """Return numbers of vectors, of shape (n, 3), each together with the first one that is as near as this."""
-    groups: list[list[int]] = []
-    for number in numbers:
-        same = (group for group in groups if np.linalg.norm(vectors[group[0]] - vectors[number]) < near)
-        if (group := next(same, None)) is None:
-            groups.append([number])
-        else:
-            group.append(number)
-    return groups
-
-
-def _draw_frames(axes: Any, frames: FloatArray, numbers: list[int], length_mm: float) -> FloatArray:
-    """Draw frames with a common origin, their axes' names at the ends; return the ends, of shape (n, 3).
-
-    Axes that several frames share carry all their numbers in one label.
-    """
-    origin_mm = frames[numbers[0], :3, 3]
-    labels = [
-        (frames[shared[0], :3, column], f"{letter}{','.join(map(str, shared))}", colour)
-        for column, (letter, colour) in enumerate(TRIAD)
-        for shared in _grouped(numbers, frames[:, :3, column], 1e-6)
-    ]
-    for i, (direction, name, colour) in enumerate(labels):
-        before = sum(bool(np.allclose(direction, other, atol=1e-6)) for other, _, _ in labels[:i])
-        away = 1.22 + before * (0.24 if abs(direction[2]) > 0.5 else _BESIDE_PART)
-        axes.quiver(*origin_mm, *(length_mm * direction), color=colour, linewidth=1.8, arrow_length_ratio=0.18)
-        _write(axes, origin_mm + away * length_mm * direction, name, colour, "center", "center")
-    return np.array([origin_mm + 1.25 * length_mm * direction for direction, _, _ in labels])
-
-
-def _write(axes: Any, place_mm: FloatArray, text: str, colour: str, across: str, up: str) -> None:
-    """Write a label, aligned `across` and `up` in matplotlib's words, on a ground that no line crosses."""
-    ground = {"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.8}
-    axes.text(*place_mm, text, color=colour, ha=across, va=up, fontsize=9, bbox=ground)
-
-
-def _fit(figure: Figure, views: list[Any], points: list[FloatArray], titles: Sequence[str] = ()) -> None:
+def fit_views(figure: Figure, views: list[Any], points: list[FloatArray], titles: Sequence[str] = ()) -> None:
     """Show a box around each view's points, side by side and as large as fits; the figure is as high as it needs.
 
     A figure of one view that is high and narrow is narrower than others.
@@ -417,6 +204,8 @@ def _fit(figure: Figure, views: list[Any], points: list[FloatArray], titles: Seq
             least = min(between, 2)
             axis.set_major_locator(MaxNLocator(between, steps=[1, 2, 2.5, 5, 10], min_n_ticks=least))
             axis.labelpad = 7.0
+            axis.label.set_size(_LETTERS)
+        axes.tick_params(labelsize=_LETTERS)
         drawn.append((lower, upper, scale))
     above_inches, below_inches = _AROUND_INCHES
     box_inches = max(scale * (upper[1] - lower[1]) for lower, upper, scale in drawn)

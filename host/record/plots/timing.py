@@ -9,17 +9,16 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.record.plots.canvas import COUNTED, LIMIT, rows_of_joints, thinned
-from steptwin.host.verify import AxisEvidence, Comparison, RunInfo
+from steptwin.host.record.plots.canvas import COUNTED, LIMIT, Sheet, thinned
+from steptwin.host.record.plots.shown_run import ShownRun
+from steptwin.host.verify import AxisEvidence, Comparison
 from steptwin.host.verify.counted import clk_durations
 from steptwin.host.verify.matching import MICROSECONDS, SLOW_CROSSING
 from steptwin.protocol.drivers import ActiveEdge
 from steptwin.protocol.timer import COUNTS_PER_SECOND, COUNTS_PER_US
 
-ROW_INCHES = 1.45
 LATENESS_BINS_PER_DECADE = 16
 LINEAR_US = 1e6 / COUNTS_PER_SECOND
 """One count of the board's timer: no finer error can occur. The time axis is linear up to one count and logarithmic
@@ -30,22 +29,17 @@ LINEAR_DECADES = 0.5
 """Width of the linear part on each side, in decades."""
 
 
-def draw_timing(comparison: Comparison, run: RunInfo) -> Figure:
+def draw_timing(sheet: Sheet, shown: ShownRun) -> None:
     """Draw a row for each moving axis, all with the same bins, which look equally wide on the time axis."""
-    figure, grid, moving = rows_of_joints(comparison, run, "edge timing against the ideal crossings", ROW_INCHES)
-    rows = [row[0] for row in grid]
+    comparison, moving = shown.comparison, shown.moving
+    rows = [row[0] for row in sheet.panels(len(moving), note=shown.still)]
     late_us = [comparison.timing_errors_us(i) for i in moving]
     bins_us = _lateness_bins_us(max([0.0, *(float(np.abs(late).max()) for late in late_us if late.size)]))
     for axes, i, late in zip(rows, moving, late_us, strict=False):
         _draw_lateness(axes, late, bins_us)
-        axes.set_ylabel(f"{comparison.axis_names[i]} [edges]")
+        sheet.label(axes, comparison.axis_names[i], "edges")
     rows[-1].set_xscale("symlog", linthresh=LINEAR_US, linscale=LINEAR_DECADES)
     rows[-1].set_xlim(bins_us[0], bins_us[-1])
-    rows[-1].set_xlabel(
-        "accepted edge minus ideal crossing [us], positive is late; linear within one count of the board's timer,"
-        f" +-{LINEAR_US:.3f} us, logarithmic beyond"
-    )
-    return figure
 
 
 def _lateness_bins_us(widest_us: float) -> FloatArray:
@@ -59,7 +53,7 @@ def _lateness_bins_us(widest_us: float) -> FloatArray:
 
 
 def _draw_lateness(axes: Axes, late_us: FloatArray, bins_us: FloatArray) -> None:
-    axes.set_title(_lateness_summary(late_us), loc="right", size=8)
+    axes.set_title(_lateness_summary(late_us), loc="right", size=9.5)
     if late_us.size:
         axes.stairs(*np.histogram(late_us, bins_us), fill=True, color=COUNTED)
         axes.set_yscale("log")
@@ -73,23 +67,18 @@ def _lateness_summary(late_us: FloatArray) -> str:
     return f"{late_us.size} edges, |error|: median {p50:.3g}, 99 % {p99:.3g}, max {worst:.3g} us"
 
 
-WIDTH_RATIOS = (3.0, 1.0)
 BINS = 81
 SMALLEST_RANGE_US = 0.02
 """A little more than one count of the board's timer: finer jitter cannot occur."""
 
 
-def draw_jitter(comparison: Comparison, run: RunInfo) -> Figure:
+def draw_jitter(sheet: Sheet, shown: ShownRun) -> None:
     """Draw a row for each moving axis: jitter over time, and its histogram beside it."""
-    what, shape = "interval jitter against the ideal crossings", {"width_ratios": WIDTH_RATIOS, "sharex": "col"}
-    figure, rows, moving = rows_of_joints(comparison, run, what, ROW_INCHES, 2, **shape)
-    for (left, right), i in zip(rows, moving, strict=False):
-        left.set_ylabel(f"{comparison.axis_names[i]} [us]")
-        _draw_jitter(left, right, *_jitter(comparison, i))
-    rows[-1][0].set_xlabel("time [s]")
-    rows[-1][0].set_xlim(0.0, comparison.expected.trajectory.duration_s)
-    rows[-1][1].set_xlabel("intervals")
-    return figure
+    rows = sheet.panels(len(shown.moving), note=shown.still, share="column", apart_inches=0.4)
+    for (left, right), i in zip(rows, shown.moving, strict=False):
+        sheet.label(left, shown.comparison.axis_names[i], "us")
+        _draw_jitter(left, right, *_jitter(shown.comparison, i))
+    rows[-1][0].set_xlim(0.0, shown.end_s)
 
 
 def _jitter(comparison: Comparison, i: int) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -105,7 +94,7 @@ def _jitter(comparison: Comparison, i: int) -> tuple[FloatArray, FloatArray, Flo
 
 
 def _draw_jitter(left: Axes, right: Axes, t_s: FloatArray, jitter_us: FloatArray, intervals_us: FloatArray) -> None:
-    left.set_title(_jitter_summary(jitter_us, intervals_us), loc="right", size=8)
+    left.set_title(_jitter_summary(jitter_us, intervals_us), loc="right", size=9.5)
     widest_us = 1.05 * max(SMALLEST_RANGE_US, float(np.abs(jitter_us).max(initial=0.0)))
     left.plot(*thinned(t_s, jitter_us), color=COUNTED, linestyle="none", marker=".", markersize=1.5)
     left.set_ylim(-widest_us, widest_us)
@@ -113,7 +102,7 @@ def _draw_jitter(left: Axes, right: Axes, t_s: FloatArray, jitter_us: FloatArray
         right.set_axis_off()
         return
     bins_us = np.linspace(-widest_us, widest_us, BINS + 1)
-    right.hist(jitter_us, bins=bins_us.tolist(), orientation="horizontal", color=COUNTED)
+    right.stairs(*np.histogram(jitter_us, bins_us), orientation="horizontal", fill=True, color=COUNTED)
     right.set_xscale("log")
     right.set_xlim(left=0.7)
     right.set_ylim(-widest_us, widest_us)
@@ -127,11 +116,10 @@ def _jitter_summary(jitter_us: FloatArray, intervals_us: FloatArray) -> str:
     part = 100.0 * abs(jitter_us[worst]) / intervals_us[worst]
     return (
         f"{jitter_us.size} intervals, rms {rms_us:.3g} us, max {abs(jitter_us[worst]):.3g} us"
-        f" = {part:.2g} % of an interval of {intervals_us[worst] / 1e3:.4g} ms"
+        f" = {part:.2g} % of {intervals_us[worst] / 1e3:.4g} ms"
     )
 
 
-WIDTH_ROW_INCHES: Final = 1.6
 WIDTH_BINS_PER_DECADE: Final = 40
 _ROOM: Final = 1.4
 """Factor by which the picture extends beyond the least and the greatest duration."""
@@ -150,21 +138,19 @@ class _Durations(NamedTuple):
     style: dict[str, Any]
 
 
-def draw_widths(comparison: Comparison, run: RunInfo) -> Figure:
+def draw_widths(sheet: Sheet, shown: ShownRun) -> None:
     """Draw a row for each moving axis over the same durations; dashed lines are limits, below which pulses get lost."""
-    figure, grid, moving = rows_of_joints(comparison, run, "CLK against the drivers' limits", WIDTH_ROW_INCHES)
-    rows = [row[0] for row in grid]
-    axes_shown = [comparison.evidence.axes[i] for i in moving]
-    shown = [_durations(axis) for axis in axes_shown]
-    bins_us = _duration_bins_us([one for of_axis in shown for one in of_axis])
-    for axes, of_axis, axis in zip(rows, shown, axes_shown, strict=False):
+    moving = [shown.comparison.evidence.axes[i] for i in shown.moving]
+    rows = [row[0] for row in sheet.panels(len(moving), note=shown.still, band_lines=1)]
+    durations = [_durations(axis) for axis in moving]
+    bins_us = _duration_bins_us([one for of_axis in durations for one in of_axis])
+    for axes, of_axis, axis in zip(rows, durations, moving, strict=False):
         _draw_durations(axes, of_axis, bins_us)
-        axes.set_ylabel(f"{axis.name} [times]")
+        sheet.label(axes, axis.name, "times")
     if moving:
-        figure.legend(*rows[0].get_legend_handles_labels(), loc="outside upper right", ncols=4)
+        sheet.legend(rows[0], 4)
         rows[-1].set_xlim(bins_us[0], bins_us[-1])
-    rows[-1].set_xlabel(f"duration [us]{_where_clk_rises(axes_shown)}")
-    return figure
+    rows[-1].set_xlabel(f"duration [us]{_where_clk_rises(moving)}")
 
 
 def _where_clk_rises(axes: list[AxisEvidence]) -> str:
@@ -175,9 +161,9 @@ def _where_clk_rises(axes: list[AxisEvidence]) -> str:
 def _durations(axis: AxisEvidence) -> list[_Durations]:
     clk = clk_durations(axis)
     kinds: list[tuple[str, str, Any, dict[str, Any]]] = [
-        ("clk_high", "high", clk.high_counts, {"color": COUNTED}),
-        ("clk_low", "low", clk.low_counts, {"color": "0.75"}),
-        ("clk_period", "rise to rise", clk.period_counts, {"color": "black", "histtype": "step", "linewidth": 0.8}),
+        ("clk_high", "high", clk.high_counts, {"color": COUNTED, "fill": True}),
+        ("clk_low", "low", clk.low_counts, {"color": "0.75", "fill": True}),
+        ("clk_period", "rise to rise", clk.period_counts, {"color": "black", "linewidth": 0.8}),
     ]
     return [
         _Durations(name, counts / COUNTS_PER_US, _limit_us(axis, rule), style) for rule, name, counts, style in kinds
@@ -202,13 +188,13 @@ def _duration_bins_us(shown: list[_Durations]) -> FloatArray:
 
 def _draw_durations(axes: Axes, of_axis: list[_Durations], bins_us: FloatArray) -> None:
     for one in of_axis:
-        axes.hist(one.us, bins=bins_us.tolist(), label=one.name, **one.style)
+        axes.stairs(*np.histogram(one.us, bins_us), label=one.name, **one.style)
     _draw_duration_limits(axes, of_axis, float(np.log(bins_us[-1] / bins_us[0])))
     axes.set_xscale("log")
     if any(one.us.size for one in of_axis):
         axes.set_yscale("log")
         axes.set_ylim(bottom=0.7)
-    axes.set_title("; ".join(filter(None, map(_margin, of_axis))), loc="right", size=8)
+    axes.set_title("; ".join(filter(None, map(_margin, of_axis))), loc="right", size=9.5)
 
 
 def _draw_duration_limits(axes: Axes, of_axis: list[_Durations], width_log: float) -> None:
@@ -221,7 +207,7 @@ def _draw_duration_limits(axes: Axes, of_axis: list[_Durations], width_log: floa
         together = [limit for _, limit in group]
         label = "\n".join(f"{name} {limit_us:.4g} " for limit_us, name in together)
         text = axes.text(together[0][0], 0.97, label, transform=axes.get_xaxis_transform())
-        text.set(rotation=90, ha="right", va="top", size=7, color=LIMIT)
+        text.set(rotation=90, ha="right", va="top", size=9, color=LIMIT)
 
 
 def _margin(one: _Durations) -> str:

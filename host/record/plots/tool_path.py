@@ -4,27 +4,17 @@ from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.record.path_error import PathError, path_error
-from steptwin.host.record.plots.canvas import (
-    COUNTED,
-    LIMIT,
-    PLANNED,
-    drawn_instants,
-    new_figure,
-    planned_instants,
-    rows_of_axes,
-    write_inside,
-)
+from steptwin.host.record.plots.canvas import COUNTED, LIMIT, PLANNED, Sheet, write_inside
+from steptwin.host.record.plots.shown_run import ShownRun
 from steptwin.host.record.plots.stick_figure import AT_ENDS, BETWEEN, Pen, draw_arm, plane_of
 from steptwin.host.robots.kinematics import ArmPart, make_kinematics
 from steptwin.host.robots.kinematics.base import tool_frames
 from steptwin.host.robots.robot import Robot
-from steptwin.host.verify import Comparison, RunInfo
+from steptwin.host.verify import Comparison
 
-ROW_INCHES: Final = 1.45
 WIDE_MM: Final = 1.0
 """Least height of a panel in mm, deg or mm/s: below it rounding errors would look like motion."""
 
@@ -38,14 +28,12 @@ _STYLES: Final = ("-", "--", ":")
 """Lines of the direction cosines with x, y and z, which colours alone would not tell apart in print."""
 
 
-def draw_tool_pose(comparison: Comparison, run: RunInfo) -> Figure:
+def draw_tool_pose(sheet: Sheet, shown: ShownRun) -> None:
     """Draw the tool's coordinates at the left; at the right the direction cosines of a known robot, and the speed."""
-    robot = comparison.expected.robot
-    task, forward = comparison.expected.task, comparison.expected.forward
+    comparison, t_s = shown.comparison, shown.planned_s
+    robot, task, forward = comparison.expected.robot, comparison.expected.task, comparison.expected.forward
     labels = [f"{_NAMES.get(name, name)} [{unit or '1'}]" for name, unit in task.coordinates.items()]
-    figure = new_figure(run, "tool pose", ROW_INCHES * max(len(labels), _COLUMN))
-    rows = rows_of_axes(figure, max(len(labels), _COLUMN), 2)
-    t_s = planned_instants(comparison)
+    rows = sheet.panels(max(len(labels), _COLUMN), band_lines=1)
     planned, counted = comparison.expected.trajectory.positions(t_s), _counted(comparison, t_s)
     poses, counted_poses = (task.unwrapped(task.figures(forward(joints))) for joints in (planned, counted))
     for (axes, _), values, counted_values, label in zip(rows, poses.T, counted_poses.T, labels, strict=False):
@@ -60,11 +48,8 @@ def draw_tool_pose(comparison: Comparison, run: RunInfo) -> Figure:
         _draw_cosines(cosines, t_s, robot, counted)
     _draw_speed(rows[-1][1], t_s, poses[:, :3])
     rows[0][0].set_title(_TITLES.get(len(labels), "position and orientation"), loc="left")
-    rows[0][0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.0, ncols=2)
-    for axes in rows[-1]:
-        axes.set_xlabel("time [s]")
-        axes.set_xlim(0.0, t_s[-1])
-    return figure
+    sheet.legend(rows[0][0], 2)
+    rows[-1][0].set_xlim(0.0, shown.end_s)
 
 
 def _counted(comparison: Comparison, t_s: FloatArray) -> FloatArray:
@@ -91,7 +76,7 @@ def _draw_cosines(column: list[Axes], t_s: FloatArray, robot: Robot, joints: Flo
         axes.set_ylim(-1.1, 1.1)
         axes.set_ylabel(f"cosines of {what[0]} [1]")
         axes.set_title(what, loc="left")
-    column[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.0, ncols=3)
+    column[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.2), borderaxespad=0.0, ncols=3)
 
 
 def _draw_speed(axes: Axes, t_s: FloatArray, planned_mm: FloatArray) -> None:
@@ -103,46 +88,56 @@ def _draw_speed(axes: Axes, t_s: FloatArray, planned_mm: FloatArray) -> None:
     axes.set_title("planned speed along the path", loc="left")
 
 
-PANEL_INCHES = 3.9
-SIDE_PANEL_INCHES = 2.6
-INSTANTS = 20_001
-CLOSE_ERRORS = 4.0
+INSTANTS: Final = 20_001
+CLOSE_ERRORS: Final = 4.0
 """Half the width of the close view, as a multiple of the largest error."""
 
-FLAT_PART = 0.01
+FLAT_PART: Final = 0.01
 """A coordinate that moves by less than this fraction of the widest one gets no view of its own."""
 
-ARM_INSTANTS = 7
+ARM_INSTANTS: Final = 7
 """Number of instants when the arm is drawn, from start to end: more of them would cover the path."""
 
-LEAST_VIEW_MM = 1.0
+LEAST_VIEW_MM: Final = 1.0
 """Width of the view around a tool that stands still."""
 
 Plane = tuple[int, int]
 """Coordinates drawn across and up: 0 is x, 1 is y, 2 is z."""
 
 
-def draw_tool_path(comparison: Comparison, run: RunInfo) -> Figure:
-    """Draw the plane of the two coordinates that move most, then a row with the third coordinate if it moves."""
-    end_s = comparison.expected.trajectory.duration_s
-    whole = path_error(comparison, np.linspace(0.0, end_s, INSTANTS))
-    edges = path_error(comparison, drawn_instants(comparison))
+def draw_tool_path(sheet: Sheet, shown: ShownRun) -> None:
+    """Draw the plane of the two coordinates that move most, then one with the third coordinate if it moves.
+
+    Each of the two has the path with the arm, with magnified errors, and the largest error close up.
+    """
+    comparison = shown.comparison
+    whole = path_error(comparison, np.linspace(0.0, shown.end_s, INSTANTS))
+    edges = path_error(comparison, shown.drawn_s)
     views = _views(whole)
-    heights_inches = [PANEL_INCHES, SIDE_PANEL_INCHES][: len(views)]
-    figure = new_figure(run, "tool path", sum(heights_inches))
-    rows = figure.subplots(len(views), 3, squeeze=False, height_ratios=heights_inches)
-    links = _links(comparison)
-    for row, view in zip(rows, views, strict=True):
-        _draw_arm(row[0], links, view)
-        _draw_whole(row[0], whole, view, 1.0, f"{'with the arm, ' if links else ''}true to scale")
+    rows = sheet.panels(2 * len(views) - (len(views) > 1), band_lines=2, share="none")
+    cells = [axes for row in rows for axes in row]
+    for n, view in enumerate(views):
+        with_arm, magnified, close = cells[3 * n : 3 * n + 3]
+        draw_arm_and_path(with_arm, comparison, whole, view)
         if whole.extents_mm.any():
-            _draw_magnified(row[1], whole, view)
+            gain = whole.gain
+            title = f"error magnified {gain:g} times" if gain > 1.0 else "error not magnified"
+            _draw_whole(magnified, whole, view, gain, title)
         else:
-            row[1].set_axis_off()
-            write_inside(row[1], "the tool does not move")
-        _draw_close(row[2], edges, view)
-    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=6, handlelength=3.5)
-    return figure
+            magnified.set_axis_off()
+            write_inside(magnified, "the tool does not move")
+        _draw_close(close, edges, view)
+    for axes in cells[3 * len(views) :]:
+        axes.remove()
+    sheet.legend(cells[0], 3)
+
+
+def draw_arm_and_path(axes: Axes, comparison: Comparison, path: PathError, view: Plane | None = None) -> None:
+    """Draw the path with the arm at some instants, by default in the plane of the coordinates that move most."""
+    view = view or _views(path)[0]
+    links = _links(comparison)
+    _draw_arm(axes, links, view)
+    _draw_whole(axes, path, view, 1.0, f"{'with the arm, ' if links else ''}true to scale")
 
 
 def _links(comparison: Comparison) -> tuple[ArmPart, ...]:
@@ -183,11 +178,6 @@ def _draw_whole(axes: Axes, path: PathError, view: Plane, gain: float, title: st
     axes.set_aspect("equal", adjustable="datalim")
 
 
-def _draw_magnified(axes: Axes, path: PathError, view: Plane) -> None:
-    gain = path.gain
-    _draw_whole(axes, path, view, gain, f"error magnified {gain:g} times" if gain > 1.0 else "error not magnified")
-
-
 def _draw_close(axes: Axes, path: PathError, view: Plane) -> None:
     """Draw a window around the largest error, where single steps are visible."""
     distances_mm = np.linalg.norm(path.errors_mm, axis=1)
@@ -203,7 +193,7 @@ def _draw_close(axes: Axes, path: PathError, view: Plane) -> None:
     axes.set_ylim(-half_mm, half_mm)
     axes.locator_params(nbins=5)
     axes.set_aspect("equal")
-    _finish(axes, view, f"largest error, {distances_mm[worst]:.3g} mm (dotted)", " from there")
+    _finish(axes, view, f"largest error, {distances_mm[worst]:.3g} mm", " from there")
 
 
 def _gapped(points: FloatArray, inside: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> FloatArray:

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.record.plots.canvas import COUNTED, HEADING_INCHES, STYLE, WIDTH_INCHES, save_figure, write_inside
+from steptwin.host.record.plots.canvas import COUNTED, STYLE, WIDTH_INCHES, save_figure, write_inside
 from steptwin.host.record.plots.in_space import draw_cloud_in_space
 from steptwin.host.record.plots.stick_figure import AT_ENDS, Pen, draw_arm, plane_of
 from steptwin.host.robots.kinematics import ArmPart, make_kinematics
@@ -27,6 +27,7 @@ _WIDE: Final = 2.0
 """If the view from above is wider than this multiple of its height, the side view is below, else beside it."""
 
 _HOME: Final = "arm at home"
+_HEADING_INCHES: Final = 0.9
 _PANEL_INCHES: Final = 4.6
 _DRAWN_INCHES: Final = 9.0
 _LABELS_INCHES: Final = 0.7
@@ -106,7 +107,7 @@ def _panels(aspects: list[float]) -> tuple[Figure, list[Axes]]:
     """Return a figure with two panels: stacked, as high as their contents, if the first is wide, else side by side."""
     stacked = aspects[0] * _WIDE < 1.0
     heights_inches = [_DRAWN_INCHES * aspect + _LABELS_INCHES for aspect in aspects] if stacked else [_PANEL_INCHES]
-    figure = Figure(figsize=(WIDTH_INCHES, sum(heights_inches) + HEADING_INCHES), layout="constrained")
+    figure = Figure(figsize=(WIDTH_INCHES, sum(heights_inches) + _HEADING_INCHES), layout="constrained")
     grid = figure.subplots(len(heights_inches), 1 if stacked else 2, squeeze=False, height_ratios=heights_inches)
     return figure, list(grid.flat)
 

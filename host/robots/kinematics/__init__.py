@@ -1,4 +1,4 @@
-"""Kinematics: tool poses from joint positions and back, a module for each kind of mechanism."""
+"""Forward and inverse kinematics, one module for each kind of mechanism."""
 
 from steptwin.host.robots.kinematics.base import Branch, Kinematics, within_limits
 from steptwin.host.robots.kinematics.hybrid import AssemblyMode, HybridArm, SliderPair, WorkingMode

@@ -1,6 +1,6 @@
 """The kind `axes`: 1 to 8 joints without a tool, such as turntables, sliders, conveyors and test benches.
 
-Its joints have positions, but no pose: nothing is computed from them, and no path of a tool leads them.
+The joints have positions, but there is no pose: they cannot follow a path of a tool.
 """
 
 from dataclasses import dataclass, replace
@@ -20,18 +20,18 @@ from steptwin.host.robots.poses.base_frame import STATION, BaseFrame
 from steptwin.host.robots.robot import Robot
 
 _RADIUS_MM: Final = 100.0
-"""Length drawn of a turntable's pointer; what a machine looks like, its file does not say."""
+"""Drawn length of a turntable's pointer. (A robot file does not describe the look of a machine.)"""
 _APART_MM: Final = 250.0
-"""Distance drawn between two joints, along y."""
+"""Drawn distance between two joints, along y."""
 
 
 @dataclass(frozen=True, slots=True)
 class AxesGeometry:
-    """Nothing: the joints are those of the file, each for itself."""
+    """Geometry without dimensions: the joints are those of the robot file, independent of each other."""
 
     @property
     def joints(self) -> dict[str, Unit]:
-        """None that the kind asks for."""
+        """No joints that the kind requires."""
         return {}
 
     @property
@@ -48,7 +48,7 @@ class BareAxes(KeepsBranch):
         name: name of the robot, for messages.
         limits: the joints in axis order.
         dh: a table without rows.
-        base: where the machine stands in the station, for pictures.
+        base: position of the machine in the station, for pictures.
     """
 
     name: str
@@ -57,32 +57,32 @@ class BareAxes(KeepsBranch):
     base: BaseFrame = STATION
 
     def on(self, base: BaseFrame) -> Self:
-        """Return the machine at a place in the station."""
+        """Return the machine at a position in the station."""
         return replace(self, base=base)
 
     @property
     def task(self) -> Task:
-        """None."""
+        """The task without coordinates."""
         return NO_TOOL
 
     @property
     def branches(self) -> tuple[str, ...]:
-        """None."""
+        """No branches."""
         return ()
 
     @property
     def slides(self) -> tuple[tuple[int, int], ...]:
-        """None that shifts an arm."""
+        """No joint shifts an arm."""
         return ()
 
     @property
     def attitude_follows(self) -> bool:
-        """False: there is none."""
+        """False: there is no attitude."""
         return False
 
     @property
     def turning(self) -> None:
-        """None."""
+        """No joint turns a tool."""
         return None
 
     @property

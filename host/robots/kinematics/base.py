@@ -1,7 +1,8 @@
-"""The interface of every kinematics, its inverse solutions and the constraints that they keep or break.
+"""The interface of all kinematics, their inverse solutions, and the constraints of these.
 
-Joints are arrays of shape (n, joints) in the robot's order, mm and degrees. Poses are arrays of shape (n, task.width)
-in the station's frame, where the robot's base stands; what their columns are, the task of the mechanism's tool says.
+Joints are arrays of shape (n, joints) in the robot's order, in mm and degrees. Poses are arrays of shape (n,
+task.width) in the frame of the station, in which the robot's base has a position. The task of the mechanism's tool
+defines the columns of poses.
 """
 
 from abc import ABC, abstractmethod
@@ -27,9 +28,13 @@ from steptwin.host.robots.robot import Dimension, Robot
 
 
 def dimension(meaning: str, usual: object, default: object = MISSING, reading: Reading | None = None) -> Any:
-    """Return a dataclass field; `usual` is the value in a new robot file, `default` the value if the key is missing.
+    """Return a dataclass field for a dimension of a mechanism.
 
-    `reading` makes of a table or a list in a file something that is neither.
+    Args:
+        meaning: description of the dimension in a few words.
+        usual: value in a new robot file.
+        default: value if the key is missing.
+        reading: converts a table or list of the file.
     """
     metadata = {"meaning": meaning, "usual": usual, "reading": reading}
     return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
@@ -41,14 +46,14 @@ def dimensions(geometry: type[Any]) -> dict[str, Field[Any]]:
 
 
 def meaning(dimension: Field[Any]) -> str:
-    """Return what a dimension is, in a few words."""
+    """Return the description of a dimension."""
     return str(dimension.metadata["meaning"])
 
 
 Geometry = TypeVar("Geometry")
 
 LIMIT_TOLERANCE: Final = 1e-9
-"""Distance in mm or degrees by which a solution may exceed a joint's limit: the rounding errors of its computation."""
+"""Distance in mm or degrees by which a solution may exceed a joint's limit because of rounding errors."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,13 +61,13 @@ class Constraint:
     """A quantity that must stay between two limits, at each of n poses.
 
     Attributes:
-        quantity: name of the quantity, with which a complaint begins.
+        quantity: name of the quantity, which begins a message.
         unit: unit of the values and limits; empty for a plain number.
         values: shape (n,).
         lower: lower limit.
         upper: upper limit.
         kept: shape (n,), true where the value is between the limits; false for NaN.
-        explain: function that returns the complaint about pose i, for a quantity whose values would not help a reader.
+        explain: function that returns the message about pose i, for a quantity whose values would not help a user.
     """
 
     quantity: str
@@ -74,9 +79,9 @@ class Constraint:
     explain: Callable[[int], str] | None = None
 
     def complaint(self, i: int, *, of_path: bool = False) -> str:
-        """Return one line that says how pose i breaks this constraint, and by how much.
+        """Return one line about the violation of this constraint at pose i, and its amount.
 
-        With `of_path` the poses are a path, which as a whole must keep it.
+        With `of_path` the poses are a path, and the amount is the one that the whole path needs.
         """
         if self.explain:
             return self.explain(i)
@@ -95,10 +100,10 @@ class Branch:
 
     Attributes:
         name: name of the branch, such as `right`.
-        joints: shape (n, joints), beyond their limits where the pose requires it, NaN where the pose is out of reach.
-        mechanism: constraints of the mechanism itself.
+        joints: shape (n, joints), beyond their limits if the pose requires it, NaN if the pose is out of reach.
+        mechanism: constraints of the mechanism.
         limits: constraints of the joints' limits.
-        changes: along a path, the poses from which on the arm is on another branch, and its name.
+        changes: indices of poses on a path from which on the arm is on another branch, with its name.
     """
 
     name: str
@@ -109,23 +114,23 @@ class Branch:
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
-        """All constraints; the first broken one is the reason why a pose is not reachable."""
+        """All constraints; the first violated one is the reason why a pose is not reachable."""
         return self.mechanism + self.limits
 
     @property
     def reachable(self) -> BoolArray:
-        """True for each pose that keeps every constraint, shape (n,)."""
+        """Shape (n,), true for poses that keep all constraints."""
         reachable: BoolArray = np.logical_and.reduce([constraint.kept for constraint in self.constraints])
         return reachable
 
     def reachable_but_for(self, column: int) -> BoolArray:
-        """Return, of shape (n,), where every constraint is kept but perhaps the limits of one joint."""
+        """Return, of shape (n,), whether poses keep all constraints, ignoring the limits of one joint."""
         others = (*self.mechanism, *self.limits[:column], *self.limits[column + 1 :])
         reachable: BoolArray = np.logical_and.reduce([constraint.kept for constraint in others])
         return reachable
 
     def reason(self, i: int) -> str | None:
-        """Return why pose i is not reachable; None if it is."""
+        """Return the reason why pose i is not reachable; None if it is."""
         complaints = (constraint.complaint(i) for constraint in self.constraints if not constraint.kept[i])
         return next(complaints, None)
 
@@ -135,41 +140,42 @@ class Kinematics(Protocol):
 
     @property
     def task(self) -> Task:
-        """What the tool can be told, and so what the columns of poses are."""
+        """Coordinates that can be commanded to the tool, which are the columns of poses."""
         ...
 
     def on(self, base: BaseFrame) -> Self:
-        """Return the mechanism with its base at a place in the station."""
+        """Return the mechanism with its base at a position in the station."""
         ...
 
     @property
     def branches(self) -> tuple[str, ...]:
-        """The names of the branches of the inverse, the usual one first."""
+        """Names of the branches of the inverse kinematics, the usual one first."""
         ...
 
     @property
     def dh(self) -> DhTable:
-        """The mechanism as a DH table from the base to the tool, and the base's place in the station."""
+        """The mechanism as a DH table from the base to the tool, with the base's position in the station."""
         ...
 
     @property
     def slides(self) -> tuple[tuple[int, int], ...]:
-        """The column of each joint that shifts the whole arm, and along which coordinate of its base: 0 or 2."""
+        """Columns of the joints that shift the whole arm, with the coordinate of the base's frame: 0 (x) or 2 (z)."""
         ...
 
     @property
     def attitude_follows(self) -> bool:
-        """True if a SCARA's tool cannot turn by itself: phi follows from the rest of the pose and the branch.
+        """True if a SCARA's tool has no own rotation: phi is determined by the rest of the pose and the branch.
 
-        The inverse then takes a pose with NaN for its attitude, and no pose with another attitude is reachable.
+        The inverse then accepts NaN as attitude; a pose with any other attitude is not reachable.
         """
         ...
 
     @property
     def turning(self) -> int | None:
-        """Column of the joint that turns the tool on the spot: of all joints only this one changes with the attitude.
+        """Column of the joint that alone changes the attitude of the tool.
 
-        None if others change with it, as where the tool is beside the wrist's axis, or if the tool cannot turn alone.
+        None if other joints also change with the attitude, for example because the tool is beside the wrist's axis, or
+        if the tool cannot turn.
         """
         ...
 
@@ -182,74 +188,73 @@ class Kinematics(Protocol):
         ...
 
     def axis_mm(self, joints: FloatArray) -> tuple[float, float]:
-        """Return x and y of the arm's own axis, about which its radii count, at joints of shape (joints,)."""
+        """Return x and y of the arm's first axis, from which radii are measured, at joints of shape (joints,)."""
         ...
 
     def links(self, joints: FloatArray) -> tuple[ArmPart, ...]:
         """Return the parts to draw for joints of shape (n, joints), from the base to the tool.
 
-        The last point of the last part is the tool's tip, as `forward` gives it.
+        The last point of the last part is the tip of the tool, as from `forward`.
         """
         ...
 
     def inverse(self, poses: FloatArray, near: FloatArray | None = None) -> tuple[Branch, ...]:
-        """Return every branch for poses of shape (n, task.width).
+        """Return all branches for poses of shape (n, task.width).
 
-        `near`, of shape (joints,) or (n, joints), is the machine's position, by default 0: joints that the pose does
-        not determine stay there, and joints that turn further than a circle take the nearest turn.
+        `near`, of shape (joints,) or (n, joints), is the machine's position, by default 0. Joints that the pose does
+        not determine keep this position, and joints with a range above 360 degrees use the nearest turn.
         """
         ...
 
     def solve(self, poses: FloatArray, branch: str, near: FloatArray | None = None) -> Branch:
-        """Return one branch, by its name; otherwise like `inverse`."""
+        """Return one branch by its name; otherwise like `inverse`."""
         ...
 
     def along(self, poses: FloatArray, branch: str, near: FloatArray) -> Branch:
         """Return the joints along a path of poses, which begins near joints of shape (joints,) on a branch.
 
-        A mechanism that keeps its branch is on it all along; another one is on the branch that is nearest to where it
-        just was.
+        A mechanism that keeps its branch stays on it; another one uses the branch nearest to its last position.
         """
         ...
 
     def at(self, poses: FloatArray, branch: str, near: FloatArray, guides: FloatArray) -> FloatArray:
-        """Return joints of shape (n, joints) at some poses of such a path, near guides of that shape but for turns."""
+        """Return joints of shape (n, joints) at poses of such a path, near `guides` of that shape, except for turns."""
         ...
 
     @property
     def has_closed_form(self) -> bool:
-        """True if many thousands of poses a second become joints, and every branch is known."""
+        """True if the inverse is fast (many thousands of poses per second) and returns all branches."""
         ...
 
     @property
     def inverse_words(self) -> str:
-        """How poses become joints, in a few words; an empty text where the kind says it."""
+        """Description of the inverse method; empty if the kind implies it."""
         ...
 
     @property
     def keeps_branch(self) -> bool:
-        """True if a path never changes the branch, because a named branch never jumps."""
+        """True if the branch never changes along a path."""
         ...
 
     def near_what(self, joints: FloatArray) -> str:
-        """Return near which singularity joints of shape (joints,) are, in words; an empty text if near none."""
+        """Return the name of a singularity near joints of shape (joints,); an empty text if there is none."""
         ...
 
     def singularities(self, joints: FloatArray) -> tuple[Constraint, ...]:
-        """Return the measures, from 0 to 1, that must stay away from 0, where the Jacobian is singular."""
+        """Return measures, from 0 to 1, that must stay away from 0, where the Jacobian is singular."""
         ...
 
     def joint_velocities(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
-        """Return joint velocities of shape (n, joints), in mm/s and degrees/s, for the tool's velocities.
+        """Return joint velocities of shape (n, joints), in mm/s and degrees/s, for velocities of the tool.
 
-        Tool velocities have the shape (n, task.rates). Joints that the pose does not determine stand still. At a
+        Tool velocities have the shape (n, task.rates). Joints that the pose does not determine have velocity 0. At a
         singular pose the result is not finite.
         """
         ...
 
 
 class KeepsBranch(ABC):
-    """The part of Kinematics that mechanisms share whose named branch never jumps: their joints follow the pose."""
+    """Common part of Kinematics for mechanisms whose branches are continuous functions of the pose."""
 
     __slots__ = ()
 
@@ -264,7 +269,7 @@ class KeepsBranch(ABC):
 
     @property
     def inverse_words(self) -> str:
-        """Nothing: the kind says it."""
+        """Empty: the kind implies it."""
         return ""
 
     @property
@@ -273,7 +278,7 @@ class KeepsBranch(ABC):
         return True
 
     def near_what(self, joints: FloatArray) -> str:
-        """Return nothing: there is no singularity, or a path that comes near one is refused before."""
+        """Return an empty text: there is no singularity, or paths near it have been refused before."""
         del joints
         return ""
 
@@ -299,9 +304,9 @@ def joint_constraints(limits: tuple[Joint, ...], joints: FloatArray) -> tuple[Co
 
 
 def nearest_turns(limits: tuple[Joint, ...], joints: FloatArray, near: FloatArray | None) -> None:
-    """Turn rotary joints, in place, by full circles to the turn within the limits that is nearest to `near` or 0.
+    """Shift rotary joints, in place, by full turns to the position within the limits nearest to `near` or 0.
 
-    A joint whose limits are within one circle has no other turn and does not change.
+    A joint with a range of less than one turn does not change.
     """
     for axis, joint in enumerate(limits):
         if joint.unit is not Unit.DEG or (joint.lower >= -180.0 and joint.upper <= 180.0):
@@ -324,9 +329,9 @@ def read_geometry(geometry: type[Geometry], robot: Robot) -> Geometry:
 
 
 def geometry_of(geometry: type[Geometry], dimensions: Mapping[str, Dimension]) -> Geometry:
-    """Return dimensions as the mechanism's dataclass; raise InputError if they do not fit.
+    """Convert dimensions to the mechanism's dataclass; raise InputError if they do not fit.
 
-    The fields of the dataclass are numbers, truths and string enumerations. Those with defaults may be left out.
+    The fields of the dataclass are numbers, booleans and string enumerations. Fields with defaults may be omitted.
     """
     with prefixed("kinematics."):
         values = Table(dict(dimensions), "table").read(*keys_of(geometry))
@@ -334,7 +339,7 @@ def geometry_of(geometry: type[Geometry], dimensions: Mapping[str, Dimension]) -
 
 
 def keys_of(geometry: type[Any]) -> tuple[dict[str, Reading], dict[str, Reading]]:
-    """Return the keys of a mechanism's dimensions and how each is read: the required ones, and those with defaults."""
+    """Return the keys of a mechanism's dimensions with their reading functions: required ones, optional ones."""
     required: dict[str, Reading] = {}
     optional: dict[str, Reading] = {}
     for each in fields(geometry):
@@ -345,20 +350,20 @@ def keys_of(geometry: type[Any]) -> tuple[dict[str, Reading], dict[str, Reading]
 
 
 def _once(reading: Reading, table: Table, key: str) -> object:
-    """Return what `reading` makes of a table or a list in a file; anything else has been read already."""
+    """Apply `reading` to a table or list of a file; return any other value, which has been read already."""
     value = table.values.get(key)
     return value if key in table and not isinstance(value, dict | list) else reading(table, key)
 
 
 def _reading(kind: object) -> Reading:
-    """Return how to read a field of this type."""
+    """Return the reading function of a field type."""
     if isinstance(kind, type) and issubclass(kind, StrEnum):
         return lambda table, key: table.choice(key, kind)
     return Table.truth if kind is bool else Table.text if kind is str else Table.number
 
 
 def require_joints(robot: Robot, expected: Mapping[str, Unit]) -> None:
-    """Raise InputError, with everything that is wrong, unless the robot has the mechanism's joints, in its order."""
+    """Raise InputError, with all errors, if the robot's joints are not those of the mechanism, in its order."""
     check_names(robot.kinematics, robot.joint_names, expected)
     findings = Findings()
     for joint in robot.joints:
@@ -368,7 +373,7 @@ def require_joints(robot: Robot, expected: Mapping[str, Unit]) -> None:
 
 
 def check_names(kind: str, names: Sequence[str], expected: Iterable[str]) -> None:
-    """Raise InputError, with everything that is wrong, unless the joints' names are the kind's, in its order."""
+    """Raise InputError, with all errors, if the joints' names are not those of the kind, in its order."""
     expected = tuple(expected)
     right, missing = " ".join(expected), [name for name in expected if name not in names]
     messages = [_strange_text(kind, name, expected, missing) for name in names if name not in expected]
@@ -392,9 +397,9 @@ def check_unit(unit: Unit, expected: Unit) -> None:
 
 
 def tool_places_mm(kinematics: Kinematics, joints: FloatArray) -> FloatArray:
-    """Return where the tool is, of shape (n, 3), for joints of shape (n, joints); without a tool, where its base stays.
+    """Return the position of the tool, of shape (n, 3), for joints of shape (n, joints); of the base without a tool.
 
-    So a path, a picture or a box that follows the tool needs to ask for no tool.
+    So paths, pictures and boxes that follow the tool need no special case.
     """
     if kinematics.task.width:
         return kinematics.forward(joints)[:, :3]
@@ -402,15 +407,15 @@ def tool_places_mm(kinematics: Kinematics, joints: FloatArray) -> FloatArray:
 
 
 def tool_frames(kinematics: Kinematics, joints: FloatArray) -> FloatArray:
-    """Return the tool's homogeneous transforms in the station's frame for joints of shape (n, joints), shape (n, 4, 4).
+    """Return the tool's homogeneous transforms in the station, shape (n, 4, 4), for joints of shape (n, joints).
 
-    Its columns are n, o and a, the tool's x, y and z axes, and p, its position. They are the product of the DH table's
-    links (`dh`), and NaN where the mechanism cannot be assembled.
+    The columns are n, o and a (the tool's x, y and z axes) and p (its position). They are the product of the DH table's
+    links (`dh`), and NaN if the mechanism cannot be assembled.
     """
     return kinematics.dh.transforms(kinematics.dh_variables(joints))
 
 
 def link_frames(kinematics: Kinematics, joints: FloatArray) -> FloatArray:
-    """Return the transform of each row of the DH table relative to the row before, shape (rows, n, 4, 4)."""
+    """Return the transform of each row of the DH table relative to the previous row, shape (rows, n, 4, 4)."""
     table, variables = kinematics.dh, kinematics.dh_variables(joints)
     return np.stack([DhTable(table.convention, (row,)).transforms(variables) for row in table.rows])

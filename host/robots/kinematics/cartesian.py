@@ -41,12 +41,12 @@ ONLY: Final = "only"
 FOLLOWING_MM: Final = 1e-3
 """Distance by which a coordinate without a slide may differ from 0."""
 _HAND_PART: Final = 0.08
-"""Length drawn of the tool's direction, as a part of the gantry's size."""
+"""Drawn length of the tool's direction, as a fraction of the gantry's size."""
 
 
 @dataclass(frozen=True, slots=True)
 class CartesianGeometry:
-    """The axes of a gantry; raises InputError for letters that are none, or twice there."""
+    """The axes of a gantry; raises InputError for invalid or repeated letters."""
 
     axes: str = dimension("the axes in their order: letters of X, Y, Z and C, which turns the tool", "XYZ", "XYZ")
 
@@ -65,7 +65,7 @@ class CartesianGeometry:
 
     @property
     def dh(self) -> DhTable:
-        """The DH table of the slides one behind the other, and of the rotary axis behind them."""
+        """DH table of the slides in series, followed by the rotary axis."""
         chain = sorted(self.axes, key=LETTERS.index)
         onto = [turned_onto(np.eye(3)[min(LETTERS.index(letter), 2)]) for letter in chain]
         between = [before.T @ behind for before, behind in pairwise(onto)]
@@ -78,10 +78,10 @@ class Gantry(KeepsBranch):
     """The kinematics of a gantry; implements Kinematics.
 
     Attributes:
-        limits: the joints in axis order, whose limits decide only whether a pose is reachable.
-        axes: their letters.
+        limits: joints in axis order; their limits determine only whether a pose is reachable.
+        axes: letters of the joints.
         dh: the slides as a DH table.
-        base: where the base stands in the station.
+        base: position of the base in the station.
     """
 
     limits: tuple[Joint, ...]
@@ -95,7 +95,7 @@ class Gantry(KeepsBranch):
 
     @property
     def task(self) -> Task:
-        """A place, with phi if the tool turns."""
+        """A position, with phi if the tool turns."""
         return SCARA if "C" in self.axes else POSITION
 
     @property
@@ -105,12 +105,12 @@ class Gantry(KeepsBranch):
 
     @property
     def slides(self) -> tuple[tuple[int, int], ...]:
-        """None that shifts an arm."""
+        """No joint shifts an arm."""
         return ()
 
     @property
     def attitude_follows(self) -> bool:
-        """False: a tool that does not turn is told no attitude."""
+        """False: a tool that does not turn has no attitude in its task."""
         return False
 
     @property
@@ -147,7 +147,7 @@ class Gantry(KeepsBranch):
         return (self.solve(poses, ONLY, near),)
 
     def solve(self, poses: FloatArray, branch: str, near: FloatArray | None = None) -> Branch:
-        """Return the one branch; C takes the turn within its limits that is nearest to `near`."""
+        """Return the one branch; C is in the turn within its limits nearest to `near`."""
         place = (poses[:, :3] - np.array([self.base.x_mm, self.base.y_mm, self.base.z_mm])) @ self._turn
         joints = np.empty((len(poses), len(self.axes)))
         for column, coordinate in self._columns:
@@ -179,7 +179,7 @@ class Gantry(KeepsBranch):
         return velocities
 
     def links(self, joints: FloatArray) -> tuple[ArmPart, ...]:
-        """Return the beam of each slide at where those before it have moved it, and the tool down to its tip."""
+        """Return the beam of each slide at its present position, and the tool down to its tip."""
         at = [np.zeros(len(joints)) for _ in range(3)]
         ends = [(0.0, 0.0)] * 3
         for column, coordinate in self._columns:

@@ -1,11 +1,12 @@
-"""A robot's DH chain with errors in its parameters: where the tool really is, and how each parameter moves it.
+"""A robot's DH chain with parameter errors: the true pose of the tool, and its derivatives by the parameters.
 
-Motions are planned by the nominal model, the closed form of `make_kinematics`. Here the DH table is multiplied out with
-the errors that the robot's file states, so that lengths may be wrong and axes crooked.
+Motions are planned with the nominal model, the closed form of `make_kinematics`. Here the DH table is multiplied out
+with the errors in the robot file: wrong lengths, and axes that are not parallel.
 
 A row of the table is two screws: a and alpha along and about x, d and theta along and about z. An error of a parameter
-shifts all that follows along the axis of its screw, or turns it about this axis. So the derivatives of the tool's
+shifts the rest of the chain along the axis of its screw, or turns it about this axis. So the derivatives of the tool's
 position p and attitude are geometric; u is the direction of the axis and o a point on it, both in the station's frame:
+
 
     by a length    dp = u                 no turning
     by an angle    dp = u x (p - o)       turning about u
@@ -33,8 +34,7 @@ from steptwin.host.robots.poses.rotations import wrapped_deg
 from steptwin.host.robots.robot import Robot
 
 MOVES: Final = ("x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg")
-"""Effects of a parameter on the tool: shifts along the station's axes and turns about them. A turn rz adds to the
-attitude."""
+"""Effects of a parameter on the tool: shifts along and turns about the station's axes; rz adds to the attitude."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +53,7 @@ class Chain:
 
     @classmethod
     def of(cls, robot: Robot) -> Self:
-        """Return the chain with the errors in the robot's file; raise InputError for a robot that is no DH chain."""
+        """Return the chain with the errors in the robot file; raise InputError for a robot that is no DH chain."""
         table = make_kinematics(robot).dh
         with prefixed(f"{robot.name}: "):
             check_links(robot.kinematics, table, robot.joint_names, robot.dh_errors)
@@ -81,7 +81,7 @@ class Chain:
         return tool
 
     def poses(self, joints: FloatArray) -> FloatArray:
-        """Return poses of shape (n, 4), the attitude that of the tool's x axis seen from above."""
+        """Return poses of shape (n, 4); the attitude is the direction of the tool's x axis seen from above."""
         transforms = self.transforms(joints)
         attitude_deg = np.rad2deg(np.arctan2(transforms[:, 1, 0], transforms[:, 0, 0]))
         return np.column_stack([transforms[:, :3, 3], wrapped_deg(attitude_deg)])
@@ -116,18 +116,18 @@ def _screw(frames: FloatArray, axis: int, tool: FloatArray) -> FloatArray:
 
 
 def random_joints(robot: Robot, count: int, random: np.random.Generator) -> FloatArray:
-    """Return joint positions of shape (count, joints), uniformly random within the limits, in whole thousandths."""
+    """Return random joint positions of shape (count, joints), uniform within the limits, rounded to thousandths."""
     lower, upper = (np.array(ends) for ends in zip(*((each.lower, each.upper) for each in robot.joints), strict=True))
     return np.clip(np.round(random.uniform(lower, upper, (count, len(lower))), 3), lower, upper)
 
 
 def actual_chain(robot: Robot) -> Chain | None:
-    """Return the chain of a robot whose file states errors; None for any other."""
+    """Return the chain of a robot whose file has parameter errors; None for any other."""
     return Chain.of(robot) if robot.dh_errors else None
 
 
 def check_links(kind: str, table: DhTable, joints: Iterable[str], links: Iterable[str]) -> None:
-    """Raise InputError unless the table is a chain of the joints and has all these links."""
+    """Raise InputError if the table is not a chain of the joints or lacks one of these links."""
     strange = [name for name in table.variables if name not in set(joints)]
     if strange:
         are = "is no joint" if len(strange) == 1 else "are no joints"

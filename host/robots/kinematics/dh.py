@@ -1,4 +1,5 @@
-"""Denavit-Hartenberg tables as data, in the form that papers print; they give each pose in an independent way.
+"""Denavit-Hartenberg tables as data, in the form of papers: an independent computation of each pose.
+
 
 Papers use two conventions:
 
@@ -20,11 +21,11 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.poses.base_frame import STATION, BaseFrame
 
 Variables = Mapping[str, FloatArray]
-"""The variables of a table by name, in mm and degrees, each of shape (n,)."""
+"""Variables of a table by name, in mm and degrees, each of shape (n,)."""
 
 
 class Convention(Enum):
-    """The end of a link where its frame is: the far end (standard) or the near end (modified)."""
+    """End of a link at which its frame is: the far end (standard) or the near end (modified)."""
 
     STANDARD = "standard"
     MODIFIED = "modified"
@@ -45,7 +46,7 @@ class DhParameter:
         return f"{signed} {'-' if self.constant < 0 else '+'} {abs(self.constant):g}" if self.constant else signed
 
     def values(self, variables: Variables) -> FloatArray:
-        """Return the parameter's values, of shape (n,), or () for a constant."""
+        """Return the values of the parameter, of shape (n,), or () for a constant."""
         if not self.variable:
             return np.asarray(self.constant)
         return self.constant + self.sign * variables[self.variable]
@@ -74,7 +75,7 @@ class DhRow:
 
 @dataclass(frozen=True, slots=True)
 class DhTable:
-    """The rows of a table from the base to the tool, in one convention, and the base's place in the station."""
+    """A table's rows from the base to the tool, in one convention, and the base's position in the station."""
 
     convention: Convention
     rows: tuple[DhRow, ...]
@@ -97,7 +98,7 @@ class DhTable:
         return tool
 
     def frames(self, variables: Variables) -> FloatArray:
-        """Return the frames of the base and behind each row, in the station's frame, of shape (rows + 1, n, 4, 4)."""
+        """Return the frames of the base and after each row, in the station's frame, shape (rows + 1, n, 4, 4)."""
         count = max((len(values) for values in variables.values()), default=1)
         frames = np.empty((len(self.rows) + 1, count, 4, 4))
         frames[0] = self.base.matrix

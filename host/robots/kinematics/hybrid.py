@@ -43,7 +43,7 @@ from steptwin.host.robots.robot import Robot
 
 
 class WorkingMode(Enum):
-    """Sides of sliders 5 and 6: below c (+) or above it (-); machines work in the first mode."""
+    """Positions of sliders 5 and 6: below c (+) or above it (-). Machines use the first mode."""
 
     BOTH_BELOW = "(+,+)"
     RIGHT_ABOVE = "(+,-)"
@@ -57,7 +57,7 @@ class WorkingMode(Enum):
 
 
 class AssemblyMode(Enum):
-    """Side of the line through the sliders on which c is."""
+    """Side of c relative to the line through the sliders."""
 
     ABOVE = 1
     BELOW = -1
@@ -76,7 +76,7 @@ class SliderPair:
 
     @property
     def reach_mm(self) -> float:
-        """The largest |z2| where both links still reach their screws."""
+        """Largest |z2| at which both links reach their screws."""
         return self.L_mm - self.h_mm
 
     def forward(
@@ -130,7 +130,7 @@ TH1, Z5, Z6, TH4 = range(4)
 """Columns of the joints."""
 
 SINGULAR: Final = 0.005
-"""Least sine of a link's slope or of the angle between the links, 0.29 degrees; below it the arm is near singular."""
+"""Least sine of a link's slope or of the angle between the links (0.29 degrees); below, the arm is near singular."""
 
 GUIDE_PART: Final = 0.15
 """Distance of the third chain's link, as it is drawn, above that of Z5, as a fraction of its length."""
@@ -138,7 +138,7 @@ GUIDE_PART: Final = 0.15
 
 @dataclass(frozen=True, slots=True)
 class HybridGeometry:
-    """The dimensions; raises InputError if links and ways do not fit together."""
+    """Dimensions of the hybrid arm; raises InputError if links and travels do not fit together."""
 
     h_mm: float = dimension("half the distance between the screws", 150.0)
     L_mm: float = dimension("the two links of the sliders", 350.0)
@@ -165,7 +165,7 @@ class HybridGeometry:
 
     @property
     def dh(self) -> DhTable:
-        """The DH table of the serial chain R-P-P-R with the same motion; z2 and z3 are no joints."""
+        """DH table of the serial chain R-P-P-R with the same motion; z2 and z3 are no joints."""
         rows = (
             DhRow(0.0, 0.0, DhParameter(self.l1_mm), DhParameter(90.0, "th1")),
             DhRow(90.0, 0.0, DhParameter(self.l2_mm, "z2"), DhParameter()),
@@ -181,7 +181,7 @@ class HybridGeometry:
 
     @property
     def radius_mm(self) -> float:
-        """The tool's distance from the waist's axis with the platform in the middle."""
+        """Distance of the tool from the waist's axis with the platform in the middle."""
         return self.l2_mm + self.l3_mm
 
 
@@ -190,11 +190,11 @@ class HybridArm(OnBase):
     """The kinematics of the hybrid arm; implements Kinematics.
 
     Attributes:
-        limits: the joints th1, Z5, Z6, th4, whose limits decide only whether a pose is reachable.
+        limits: joints th1, Z5, Z6, th4; their limits determine only whether a pose is reachable.
         sliders: the parallel mechanism.
         radius_mm: rho at z2 = 0.
-        height_mm: the tool's height at z3 = 0.
-        z2_max_mm: largest |z2| allowed.
+        height_mm: height of the tool at z3 = 0.
+        z2_max_mm: largest allowed |z2|.
         geometry: the dimensions.
     """
 
@@ -264,8 +264,8 @@ class HybridArm(OnBase):
     def links_from_base(self, joints: FloatArray) -> tuple[ArmPart, ...]:
         """Return waist, screws, sliders with their links, guide, platform, arm and tool, for joints of shape (n, 4).
 
-        The paper's third chain, which keeps the platform level, is drawn as a link beside that of Z5, as long and
-        parallel to it: our reading of the pivots of its figure 1, whose lengths are lost.
+        The paper's third chain, which keeps the platform level, is drawn as a link beside that of Z5, parallel to it
+        and equally long. This is our interpretation of figure 1, whose lengths are lost.
         """
         geometry, poses = self.geometry, self.forward_from_base(joints)
         th1_rad = np.deg2rad(joints[:, TH1])
@@ -301,9 +301,9 @@ class HybridArm(OnBase):
         )
 
     def solve_from_base(self, poses: FloatArray, branch: str, near: FloatArray | None) -> Branch:
-        """Return one working mode; th4 takes the turn within its limits that is nearest to `near`.
+        """Return one working mode; th4 is in the turn within its limits nearest to `near`.
 
-        A mode of the other assembly is solved, but is not reachable: the machine would have to be reassembled.
+        A mode of the other assembly mode is solved, but is not reachable: the machine would have to be reassembled.
         """
         mode = WorkingMode(branch)
         z2_mm = np.hypot(poses[:, 0], poses[:, 1]) - self.radius_mm
@@ -316,7 +316,7 @@ class HybridArm(OnBase):
         return Branch(branch, joints, mechanism, joint_constraints(self.limits, joints))
 
     def singularities(self, joints: FloatArray) -> tuple[Constraint, ...]:
-        """Return the sines of the links' slopes, 0 if level, and of the angle between them, 0 if in line."""
+        """Return the sines of the links' slopes (0: level) and of the angle between them (0: in line)."""
         z2_mm, z3_mm = self.sliders.forward(joints[:, Z5], joints[:, Z6], AssemblyMode.ABOVE)
         sines = self.sliders.sines(joints[:, Z5], joints[:, Z6], z2_mm, z3_mm)
         names = ("Z5: near singular, |sin| of its link's slope", "Z6: near singular, |sin| of its link's slope")

@@ -1,4 +1,4 @@
-"""The kinds of mechanisms as data: what each is, its dimensions and what makes its kinematics."""
+"""The kinds of mechanisms as data: description, dimensions, and constructor of the kinematics."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -31,10 +31,10 @@ class Kind:
     """A kind of mechanism.
 
     Attributes:
-        summary: what it is, in a few words.
+        summary: description in a few words.
         geometry: dataclass of its options and dimensions, the keys of [kinematics].
-        make: function that returns a robot's kinematics, its base at the station's origin; it raises InputError if
-            dimensions or joints do not fit.
+        make: returns a robot's kinematics with its base at the station's origin; raises InputError if dimensions or
+            joints do not fit.
     """
 
     summary: str
@@ -64,7 +64,7 @@ _KINDS: Final[dict[str, Kind]] = {
 
 
 def kinds() -> Mapping[str, Kind]:
-    """Return the kinds by their names in robot files: the core's, of which features may replace some, and theirs."""
+    """Return the kinds by their names in robot files: those of the core, replaced or extended by features."""
     found = dict(_KINDS)
     for _, given in giving("kinematics"):
         found |= given()
@@ -79,9 +79,9 @@ def kind_named(name: str) -> Kind:
 
 
 _KEPT: Final = 8
-"""Number of robots whose kinematics are kept: planning asks for those of one again and again."""
+"""Number of robots in the cache: planning needs the kinematics of one robot repeatedly."""
 _made: dict[int, tuple[Robot, Kinematics]] = {}
-"""The kinematics that were made last, by the identity of the robot, which is kept beside them and so keeps it."""
+"""Cache of kinematics by the identity of the robot; the stored robot keeps this identity valid."""
 
 
 def make_kinematics(robot: Robot) -> Kinematics:

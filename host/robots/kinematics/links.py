@@ -1,7 +1,7 @@
-"""The arm's parts as lines in space: what pictures and the panel draw of a mechanism.
+"""The parts of an arm as lines in space, for pictures and the panel.
 
-The column stands on the ground, at z = 0 or as far below it as the tool goes, or on the slides. Where slides are and
-how thick a machine is, no dimension says: the rail is drawn behind the arm.
+The column is on the ground (z = 0, or the lowest position of the tool) or on the slides. Positions of slides and the
+thickness of a machine are not known: the rail is drawn behind the arm.
 """
 
 from dataclasses import dataclass
@@ -17,16 +17,17 @@ if TYPE_CHECKING:
 
 
 SLIDE_PART: Final = 0.05
-"""Length drawn of a part that slides along the vertical, as a fraction of the arm's reach."""
+"""Drawn length of a part that slides vertically, as a fraction of the arm's reach."""
 
 HAND_PART: Final = 0.08
-"""Length of the hand as a fraction of the arm's reach. The hand is only drawn: it shows the tool's attitude."""
+"""Drawn length of the hand, which shows the tool's attitude, as a fraction of the arm's reach."""
 
 
 class Role(StrEnum):
-    """The part's task: it guides others, slides on a guide, is a link between two joints, or belongs to the tool.
+    """Role of a part: guide, slide on a guide, link between two joints, or tool.
 
-    No bodies are the hand, which shows where the tool points, a joint's axis, and x, y and z of a frame.
+    The other roles are no bodies: the hand shows the direction of the tool; axis is a joint's axis; x, y and z are the
+    axes of a frame.
     """
 
     GUIDE = "guide"
@@ -45,9 +46,9 @@ class ArmPart:
     """One part of a mechanism at n instants.
 
     Attributes:
-        name: what it is, in a few words.
-        role: what it does.
-        points_mm: shape (n, points, 3), the ends of its straight pieces.
+        name: name of the part.
+        role: its role.
+        points_mm: shape (n, points, 3), ends of its straight pieces.
     """
 
     name: str
@@ -56,7 +57,7 @@ class ArmPart:
 
 
 def line(name: str, role: Role, *points_mm: FloatArray) -> ArmPart:
-    """Return the part through points, each of shape (n, 3), or of shape (3,) for one that stands still."""
+    """Return the part through points, each of shape (n, 3), or of shape (3,) for a fixed point."""
     return ArmPart(name, role, np.stack(np.broadcast_arrays(*points_mm), axis=-2))
 
 
@@ -72,10 +73,10 @@ def slide(name: str, middle_mm: FloatArray, reach_mm: float) -> ArmPart:
 
 
 def tool(wrist_mm: FloatArray, poses: FloatArray, reach_mm: float) -> tuple[ArmPart, ArmPart]:
-    """Return the hand and then the tool, from the wrist down or up to the tip's height and out to the tip.
+    """Return the hand and the tool, from the wrist vertically to the tip's height and horizontally to the tip.
 
     Args:
-        wrist_mm: shape (n, 3), where the tool leaves the last link.
+        wrist_mm: shape (n, 3), position of the wrist on the last link.
         poses: shape (n, 4).
         reach_mm: reach of the arm.
     """
@@ -89,11 +90,11 @@ def tool(wrist_mm: FloatArray, poses: FloatArray, reach_mm: float) -> tuple[ArmP
 
 
 BEHIND_PART: Final = 0.6
-"""Distance of the mast of slides, as it is drawn, behind the arm's axis, as a fraction of the arm's reach."""
+"""Drawn distance of the slides' mast behind the arm's axis, as a fraction of the arm's reach."""
 
 
 def solid_parts(scara: "Scara", joints: FloatArray) -> tuple[ArmPart, ...]:
-    """Return the parts whose places the dimensions say: column, both links and the tool; rail and mast are drawn only.
+    """Return the parts with known positions: column, both links and the tool, without rail and mast.
 
     Joints have the shape (n, joints).
     """
@@ -129,7 +130,7 @@ def _towards(angle_rad: FloatArray) -> FloatArray:
 
 
 def _lifts_arm(scara: "Scara") -> bool:
-    """Return whether the lift comes before the shoulder in the chain, so that it lifts the links."""
+    """Return whether the lift is before the shoulder in the chain, so it lifts the links."""
     return scara.lift is not None and scara.lift < scara.shoulder
 
 
@@ -138,7 +139,7 @@ def _lifted_mm(scara: "Scara", joints: FloatArray) -> FloatArray | float:
 
 
 def _guides(scara: "Scara", foot_mm: FloatArray) -> tuple[ArmPart, ...]:
-    """Return the rail on the ground, the mast that travels on it, and the bracket on the mast that bears the arm."""
+    """Return the rail on the ground, the mast that moves on it, and the bracket on the mast that carries the arm."""
     if not scara.slides:
         return ()
     travels = {coordinate: scara.limits[column] for column, coordinate in scara.slides}
@@ -156,7 +157,7 @@ def _guides(scara: "Scara", foot_mm: FloatArray) -> tuple[ArmPart, ...]:
 
 
 def _column(scara: "Scara", foot_mm: FloatArray, shoulder_mm: FloatArray) -> tuple[ArmPart, ...]:
-    """Return the column, and the slide on it that bears the arm if the lift lifts the arm."""
+    """Return the column, and the slide on it that carries the arm if the lift lifts the arm."""
     lift = None if scara.lift is None else scara.limits[scara.lift]
     lifted_mm = [0.0] if lift is None else sorted(scara.lift_sign * end_mm for end_mm in (lift.lower, lift.upper))
     bottom_mm = 0.0 if scara.slides else min(0.0, scara.height_mm + lifted_mm[0])

@@ -1,8 +1,8 @@
-"""Lines that pictures draw beside the bodies of an arm: the axis of each joint, and frames of base, joints and tool.
+"""Lines in pictures beside the bodies of an arm: joint axes, and frames of base, joints and tool.
 
-A joint's axis is the z axis of its frame in the DH table, in the joint's direction of counting. A slide that is
-drawn has its axis there, since a table may shift it sideways. Joints that no table knows, as those of a parallel
-mechanism or of a machine without a tool, have the axis of the guide on which they are drawn.
+A joint's axis is the z axis of its frame in the DH table, in the joint's positive direction. A drawn slide has its axis
+at its drawing, because the table may shift it sideways. Joints without a DH row, as in a parallel mechanism or a
+machine without a tool, have the axis of their drawn guide.
 """
 
 from collections.abc import Iterable
@@ -17,18 +17,18 @@ from steptwin.host.robots.kinematics.links import ArmPart, Role, line
 from steptwin.host.robots.robot import Robot
 
 AXIS_PART: Final = 0.16
-"""Length drawn of an axis to either side of its joint, as a part of the machine's size at home."""
+"""Drawn length of an axis to each side of its joint, as a fraction of the machine's size at home."""
 FRAME_PART: Final = 0.09
-"""Length drawn of the axes of a frame, as a part of the machine's size at home."""
+"""Drawn length of the axes of a frame, as a fraction of the machine's size at home."""
 FRAME_ROLES: Final = (Role.X, Role.Y, Role.Z)
 
 
 class Skeleton:
-    """A robot as pictures draw it. Joints have the shape (n, joints).
+    """The drawing of a robot. Joints have the shape (n, joints).
 
     Attributes:
         robot: the robot.
-        size_mm: the longest side of what it takes at home, without guides, which may be far longer; at least 1.
+        size_mm: longest side of its bounding box at home, without guides, which may be far longer; at least 1.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -48,12 +48,12 @@ class Skeleton:
     def axes(self, joints: FloatArray) -> tuple[ArmPart, ...]:
         """Return a line `axis NAME` for each joint, in the robot's order.
 
-        It goes through the joint in its direction of counting, or turns by the right hand's rule.
+        It points in the joint's positive direction, for a rotary joint by the right-hand rule.
         """
         return self._axes(self._kinematics.links(joints), self._placed(joints))
 
     def frames(self, joints: FloatArray) -> tuple[ArmPart, ...]:
-        """Return lines along x, y and z of the base's frame, the one of each joint in the DH table, and the tool's."""
+        """Return lines along x, y and z of the frames of the base, each joint in the DH table, and the tool."""
         return self._frames(self._placed(joints))
 
     def _placed(self, joints: FloatArray) -> FloatArray:
@@ -75,7 +75,7 @@ class Skeleton:
         return tuple(axes)
 
     def _axes_of_table(self, placed: FloatArray) -> dict[str, tuple[FloatArray, FloatArray]]:
-        """Return a place and the direction, each of shape (n, 3), of each joint that is a variable of the table."""
+        """Return a point and the direction, each of shape (n, 3), of each joint that is a variable of the table."""
         table, axes = self._kinematics.dh, {}
         for i in self._joints:
             row, frame = table.rows[i], placed[i + 1 if table.convention is Convention.MODIFIED else i]
@@ -95,14 +95,14 @@ class Skeleton:
 
 
 def _drawn(parts: Iterable[ArmPart], name: str) -> ArmPart | None:
-    """Return the part on which a joint slides or is; None if the table alone says where it is."""
+    """Return the drawn part of a joint; None if only the table gives its position."""
     return next((part for part in parts if part.role is Role.SLIDE and part.name.endswith(f" {name}")), None) or next(
         (part for part in parts if part.name in (f"beam {name}", f"post {name}")), None
     )
 
 
 def _along(parts: Iterable[ArmPart], name: str) -> tuple[FloatArray, FloatArray]:
-    """Return the middle and the direction of the guide that carries a joint's name."""
+    """Return the middle and the direction of the guide with a joint's name."""
     guide = next(part for part in parts if part.role is Role.GUIDE and part.name.endswith(f" {name}"))
     way_mm = guide.points_mm[:, -1] - guide.points_mm[:, 0]
     return guide.points_mm.mean(axis=1), way_mm / np.linalg.norm(way_mm, axis=-1, keepdims=True)

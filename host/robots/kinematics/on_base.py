@@ -1,6 +1,7 @@
-"""A mechanism with a SCARA's task on its base: where poses change between the station's frame and the base's.
+"""Conversion of poses between the frames of the station and of the base, for mechanisms with a SCARA's task.
 
-A mechanism's own formulas are in the frame of its base. A user gives and gets poses in the station's frame:
+The formulas of a mechanism are in the frame of its base. Users give and get poses in the frame of the station:
+
 
     S_T T = S_0T 0_T T        S_0T = Trans(x, y, z) Rz(phi)
 """
@@ -22,12 +23,12 @@ from steptwin.host.robots.poses.rotations import wrapped_deg
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OnBase(KeepsBranch):
-    """A mechanism's kinematics in the station's frame, from its formulas in the base's frame.
+    """A mechanism's kinematics in the frame of the station, from its formulas in the frame of the base.
 
     Attributes:
-        dh: the mechanism as a DH table, and the base's place in the station.
-        base: where the base stands in the station.
-        slides: pairs of a joint's column and the coordinate of the base's frame along which it shifts the whole arm, 0
+        dh: the mechanism as a DH table, with the base's position in the station.
+        base: position of the base in the station.
+        slides: pairs of a joint's column and the coordinate of the base's frame along which it shifts the whole arm: 0
             for x or 2 for z.
     """
 
@@ -47,7 +48,7 @@ class OnBase(KeepsBranch):
     @property
     @abstractmethod
     def branches(self) -> tuple[str, ...]:
-        """The names of the branches of the inverse, the usual one first."""
+        """Names of the branches of the inverse kinematics, the usual one first."""
 
     @abstractmethod
     def forward_from_base(self, joints: FloatArray) -> FloatArray:
@@ -55,11 +56,11 @@ class OnBase(KeepsBranch):
 
     @abstractmethod
     def solve_from_base(self, poses: FloatArray, branch: str, near: FloatArray | None) -> Branch:
-        """Return one branch for poses of shape (n, 4) in the base's frame, else like `solve`."""
+        """Return one branch for poses of shape (n, 4) in the base's frame; otherwise like `solve`."""
 
     @abstractmethod
     def velocities_from_base(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
-        """Return joint velocities for the derivatives of poses in the base's frame, else like `joint_velocities`."""
+        """Return joint velocities for pose derivatives in the base's frame; otherwise like `joint_velocities`."""
 
     @abstractmethod
     def links_from_base(self, joints: FloatArray) -> tuple[ArmPart, ...]:
@@ -82,7 +83,7 @@ class OnBase(KeepsBranch):
         return self.solve_from_base(poses, branch, near)
 
     def joint_velocities(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
-        """Return joint velocities for joints of shape (n, joints) and pose derivatives of shape (n, 4); slides rest."""
+        """Return joint velocities for joints (n, joints) and pose derivatives (n, 4); slides do not move."""
         return self.velocities_from_base(joints, self._turned_back(tool_velocities))
 
     def links(self, joints: FloatArray) -> tuple[ArmPart, ...]:
@@ -91,19 +92,19 @@ class OnBase(KeepsBranch):
         return tuple(replace(part, points_mm=self.base.in_station(part.points_mm)) for part in parts)
 
     def axis_mm(self, joints: FloatArray) -> tuple[float, float]:
-        """Return x and y of the arm's own axis, about which its radii count, at joints of shape (joints,)."""
+        """Return x and y of the arm's first axis, from which radii are measured, at joints of shape (joints,)."""
         along_mm = sum((float(joints[column]) for column, coordinate in self.slides if coordinate == 0), 0.0)
         x_mm, y_mm, _ = self.base.in_station(np.array([along_mm, 0.0, 0.0])).tolist()
         return x_mm, y_mm
 
     def in_station(self, poses: FloatArray) -> FloatArray:
-        """Return poses of shape (n, 4), given in the base's frame, in the station's."""
+        """Convert poses of shape (n, 4) from the base's frame to the station's."""
         if self.base == STATION:
             return poses
         return np.column_stack([self.base.in_station(poses[:, :3]), wrapped_deg(poses[:, 3] + self.base.phi_deg)])
 
     def _turned_back(self, vectors: FloatArray) -> FloatArray:
-        """Return vectors of shape (n, 4), whose first three coordinates are the station's, along the base's axes."""
+        """Rotate vectors of shape (n, 4), whose first three columns are coordinates, from station to base."""
         if self.base == STATION:
             return vectors
         return np.column_stack([vectors[:, :3] @ self.base.matrix[:3, :3], vectors[:, 3]])

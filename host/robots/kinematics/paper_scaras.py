@@ -1,4 +1,4 @@
-"""The SCARAs of four papers, with the dimensions and the DH tables that these print."""
+"""The SCARAs of four papers, with their printed dimensions and DH tables."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -20,7 +20,8 @@ _TOOLS: Final = {0.0: Vertical.UP, 180.0: Vertical.DOWN}
 
 @dataclass(frozen=True, slots=True)
 class CalibrationGeometry:
-    """The calibrated SCARA's dimensions; raises InputError for a link not longer than 0 or a twist but 180 and 0.
+    """Dimensions of the calibrated SCARA; raises InputError for a link not longer than 0 or a twist not 0 or 180.
+
 
     Source: "Kinematic modeling and verification for a SCARA robot", ICMEMTC 2016, Atlantis Press, from p. 918.
     """
@@ -73,7 +74,8 @@ _JOINTS: Final = {"sx": Unit.MM, "sz": Unit.MM, "L1": Unit.MM, "th1": Unit.DEG, 
 
 @dataclass(frozen=True, slots=True)
 class WarehouseGeometry:
-    """The warehouse robot's dimensions; raises InputError for a link that is not longer than 0.
+    """Dimensions of the warehouse robot; raises InputError for a link that is not longer than 0.
+
 
     The slide sx shifts the arm along x, the slide sz along z.
 
@@ -130,7 +132,8 @@ def warehouse_scara(robot: Robot) -> Scara:
 
 @dataclass(frozen=True, slots=True)
 class TeachingGeometry:
-    """The teaching SCARA's dimensions; raises InputError for a link that is not longer than 0.
+    """Dimensions of the teaching SCARA; raises InputError for a link that is not longer than 0.
+
 
     Source: X. Yao, Y. Pan, Y. Gao, "Research and Implementation of SCARA Manipulator Control Algorithm in Experimental
     Teaching", 2017, DOI 10.3969/j.issn.1000-386x.2017.06.019. Its text and its code disagree about the sign of d3. Here
@@ -177,7 +180,8 @@ def teaching_scara(robot: Robot) -> Scara:
 
 @dataclass(frozen=True, slots=True)
 class LabGeometry:
-    """The laboratory SCARA's dimensions (P-R-R-R); raises InputError for a link that is not longer than 0.
+    """Dimensions of the laboratory SCARA (P-R-R-R); raises InputError for a link that is not longer than 0.
+
 
     A ball screw lifts the arm of three parallel rotary joints; the tool points down.
 

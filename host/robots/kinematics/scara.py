@@ -38,11 +38,11 @@ from steptwin.host.robots.kinematics.on_base import OnBase
 from steptwin.host.robots.poses.rotations import wrapped_deg
 
 REACH_TOLERANCE: Final = 1e-9
-"""Rounding error by which |c2| may exceed 1 for a wrist on the edge of reach."""
+"""Rounding error by which |c2| may exceed 1 at the edge of reach."""
 
 
 class Elbow(Enum):
-    """The side of the line from shoulder to wrist on which the elbow is, seen outwards; right has th2 >= 0."""
+    """Side of the elbow relative to the line from shoulder to wrist, seen outwards; right has th2 >= 0."""
 
     RIGHT = "right"
     LEFT = "left"
@@ -66,7 +66,7 @@ class Planar2R:
 
     @property
     def reach_mm(self) -> tuple[float, float]:
-        """The least and the greatest distance of the wrist from the shoulder."""
+        """Lowest and highest distance of the wrist from the shoulder."""
         return abs(self.l1_mm - self.l2_mm), self.l1_mm + self.l2_mm
 
     def forward(self, th1_rad: FloatArray, th2_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -104,11 +104,11 @@ class Planar2R:
 
 
 SINGULAR: Final = 0.005
-"""Least |sin(elbow)|, 0.29 degrees from a stretched or folded arm: below it the arm is near singular."""
+"""Least |sin(elbow)|, 0.29 degrees from a stretched or folded arm; below, the arm is near singular."""
 
 FOLLOWING: Final = 1e-3
-"""Distance in mm or degrees by which a height or an attitude that is not free may differ from what follows: less than
-a microstep, so that a pose can be given in as many digits as poses are printed."""
+"""Tolerance in mm or degrees of a height or attitude that the arm determines. It is less than a microstep, and allows
+poses with as many digits as are printed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,16 +116,19 @@ class Scara(OnBase):
     """The kinematics of one mechanism of the family; implements Kinematics.
 
     Attributes:
-        limits: the joints in axis order, whose limits decide only whether a pose is reachable.
+        limits: joints in axis order; their limits determine only whether a pose is reachable.
         arm: the two links.
-        lift: column of the lift; likewise shoulder, elbow and wrist. None: the arm has no lift or no wrist.
-        height_mm: z0, the tool's height with the lift at 0.
-        heading_deg: h, the arm's direction at shoulder = elbow = 0.
+        lift: column of the lift; None if there is none.
+        shoulder: column of the shoulder.
+        elbow: column of the elbow.
+        wrist: column of the wrist; None if there is none.
+        height_mm: z0, height of the tool with the lift at 0.
+        heading_deg: h, direction of the arm at shoulder = elbow = 0.
         lift_sign: -1 if the lift pushes the tool down, otherwise 1.
         wrist_sign: w, -1 if the tool points down, otherwise 1.
-        tool_mm: l_tool, the tool's distance from the wrist's axis, in the direction of the attitude.
+        tool_mm: l_tool, distance of the tool from the wrist's axis, in the direction of the attitude.
         base_mm: height of the first link with the lift at 0, only for drawing.
-        offset_mm: height of the second link above the first, likewise.
+        offset_mm: height of the second link above the first, only for drawing.
     """
 
     limits: tuple[Joint, ...]
@@ -159,7 +162,7 @@ class Scara(OnBase):
 
     @property
     def levers_mm(self) -> FloatArray:
-        """Shape (joints,): greatest way of any point of the arm, in mm, for a mm or a degree of each joint alone."""
+        """Shape (joints,): largest travel of any point of the arm, in mm, per mm or degree of each joint alone."""
         levers_mm = np.ones(len(self.limits))
         lengths_mm = {self.shoulder: sum(self._reaches_mm), self.elbow: sum(self._reaches_mm[1:])}
         if self.wrist is not None:
@@ -197,9 +200,9 @@ class Scara(OnBase):
         return scara_links(self, joints)
 
     def solve_from_base(self, poses: FloatArray, branch: str, near: FloatArray | None) -> Branch:
-        """Return one branch for poses of shape (n, 4) in the base's frame; the slides are as in `near`, or at 0.
+        """Return one branch for poses of shape (n, 4) in the base's frame; slides are as in `near`, or at 0.
 
-        Angles are in (-180, 180], or at the turn within the limits that is nearest to `near`.
+        Angles are in (-180, 180], or in the turn within the limits nearest to `near`.
         """
         joints = np.zeros((len(poses), len(self.limits)))
         for column, _ in self.slides:
@@ -232,7 +235,7 @@ class Scara(OnBase):
         return (Constraint(f"{name}: near singular, |sin {name}|", "", values, SINGULAR, 1.0, values >= SINGULAR),)
 
     def velocities_from_base(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
-        """Return joint velocities for joints of shape (n, joints) and pose derivatives of shape (n, 4); slides rest."""
+        """Return joint velocities for joints (n, joints) and pose derivatives (n, 4); slides do not move."""
         shoulder_rad = np.deg2rad(joints[:, self.shoulder] + self.heading_deg)
         elbow_rad = np.deg2rad(joints[:, self.elbow])
         attitude_rad = shoulder_rad + elbow_rad
@@ -277,7 +280,7 @@ class Scara(OnBase):
 
 
 def _followed(name: str, unit: str, given: FloatArray, deviations: FloatArray) -> Constraint:
-    """Return the constraint that a coordinate of the pose is what follows from the arm, with its deviations from it."""
+    """Return the constraint that a coordinate of the pose equals the one that the arm determines."""
 
     def explain(i: int) -> str:
         what, why = ("height", "has no lift") if name == "z" else ("attitude", "does not turn by itself")

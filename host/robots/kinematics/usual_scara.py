@@ -1,6 +1,7 @@
-"""The kind `scara`: the usual SCARAs, by options: lift first, last or none; a tool that turns or not, up or down.
+"""The kind `scara`: usual SCARAs with options: lift first, last or none; tool that turns or not, up or down.
 
-The joints are numbered along the chain and named d for a lift, th for a rotary joint, as textbooks do:
+The joints are numbered along the chain and named d for a lift, th for a rotary joint, as in textbooks:
+
 
     lift first    d1 th2 th3 th4        lift last    th1 th2 d3 th4        no lift    th1 th2 th3
 
@@ -24,7 +25,7 @@ from steptwin.host.robots.robot import Robot
 
 
 class Lift(StrEnum):
-    """The place of the lift in the chain."""
+    """Position of the lift in the chain."""
 
     FIRST = "first"
     LAST = "last"
@@ -40,7 +41,7 @@ class Vertical(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ScaraGeometry:
-    """The options and dimensions of a usual SCARA; raises InputError for dimensions that make no arm."""
+    """Options and dimensions of a usual SCARA; raises InputError for impossible dimensions."""
 
     l1_mm: float = dimension("first link, from shoulder to elbow", 200.0)
     l2_mm: float = dimension("second link, from elbow to wrist", 150.0)
@@ -117,7 +118,7 @@ def usual_scara(robot: Robot) -> Scara:
 
 
 def scara_of(robot: Robot, geometry: ScaraGeometry, dh: DhTable) -> Scara:
-    """Return the kinematics of a SCARA with these dimensions and this DH table; raise InputError for other joints."""
+    """Return the kinematics of a SCARA with these dimensions and this DH table; raise InputError if joints differ."""
     require_joints(robot, geometry.joints)
     names = tuple(geometry.joints)
     first = 1 if geometry.lift is Lift.FIRST else 0

@@ -128,10 +128,8 @@ class EmbeddedBoard:
         """Return the instant of the last SYNC of the host in the bus log from an entry on; None if there is none."""
         bus = self._machine.bus
         log = zip(bus.log_counts[after:], bus.log_frames[after:], strict=True)
-        strange = {counts for counts, _ in self._machine.simulation.strange}
-        return max(
-            (counts for counts, frame in log if frame.cob_id == COB_SYNC and counts not in strange), default=None
-        )
+        rogue = {counts for counts, _ in self._machine.simulation.rogue_frames}
+        return max((counts for counts, frame in log if frame.cob_id == COB_SYNC and counts not in rogue), default=None)
 
     def operate(self, operation: Operation) -> None:
         """Do an operation on the machine now, such as EmergencyStop(pressed=True).

@@ -1,6 +1,6 @@
 """Hold the result of a run on an embedded board: verdict, evidence, bus log, and the fault that ended it, if any."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -11,7 +11,7 @@ from steptwin.host.operate.inputs_outputs import waits_document
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.trajectory import Wait
 from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, keep_recording, prepare_folder, write_folder
-from steptwin.host.record.folder.writing import can_draw, draw_here
+from steptwin.host.record.folder.writing import can_draw, draw_pictures
 from steptwin.host.twin.machine.boards import crystals_document
 from steptwin.host.verify import Comparison, Evidence, Report
 from steptwin.host.verify.figures import judged_document
@@ -190,10 +190,10 @@ class Outcome:
             document |= {"passed": False, "fault": self.fault.to_dict()}
         return document | merged_documents(self.verdicts)
 
-    def save(self, folder: Path | str, draw: Callable[[Path], None] = draw_here) -> bool:
+    def save(self, folder: Path | str) -> bool:
         """Write report, plan, every edge, bus log, waveform and pictures into a folder (docs/run-folder.md).
 
-        Another run's files are replaced, those of a live board's recording are not. `draw` draws the pictures.
+        Another run's files are replaced, those of a live board's recording are not.
 
         Returns:
             False if the pictures were left out because matplotlib is not installed.
@@ -209,5 +209,5 @@ class Outcome:
         write_folder(path, document, self.plan, comparison.evidence, self.bus_log, comparison.expected.features)
         drawn = can_draw()
         if drawn:
-            draw(path)
+            draw_pictures(path)
         return drawn

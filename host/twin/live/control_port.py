@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from steptwin.emulator.board.surroundings import PER_DEGC, PER_V
+from steptwin.emulator.board.environment import PER_DEGC, PER_V
 from steptwin.emulator.live.live_loop import LiveLoop
 from steptwin.host.common import listening as socketcand
 from steptwin.host.common.bad_input import printable, unknown
@@ -39,7 +39,7 @@ class MachineState:
 
     def read(self) -> dict[str, Any]:
         """Return the state under the keys of docs/control-port.md."""
-        board, around = self._board, self._board.surroundings
+        board, around = self._board, self._board.environment
         levels = [int(axis.levels) for axis in around.axes]
         stuck = [int(axis.stuck) for axis in around.axes]
         return {

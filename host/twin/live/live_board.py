@@ -11,7 +11,7 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.motion.group_time import RateRamp
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.emulator.board.board import Board
-from steptwin.emulator.board.surroundings import Surroundings
+from steptwin.emulator.board.environment import BoardEnvironment
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.drivers.driver_bank import AxisTrace
 from steptwin.emulator.live.live_simulation import Lateness, LiveSimulation, Pacer, warm_up
@@ -179,9 +179,9 @@ class LiveBoard:
         self._machine.operate(operation)
 
     @property
-    def surroundings(self) -> Surroundings:
+    def environment(self) -> BoardEnvironment:
         """What the machine is like now; what is the same for all axes of a board is the same for all boards."""
-        return self._machine.surroundings
+        return self._machine.environment
 
     @property
     def axes_per_board(self) -> tuple[int, ...]:

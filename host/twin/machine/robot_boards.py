@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from steptwin.emulator.board.board import Board
-from steptwin.emulator.board.surroundings import Surroundings
+from steptwin.emulator.board.environment import BoardEnvironment
 from steptwin.emulator.operations import Operation
 from steptwin.emulator.simulation import Simulation
 from steptwin.host.robots.board_settings import Microsteps
@@ -119,8 +119,8 @@ class RobotBoards:
         return any(board.motion.axes[axis].running for board, axis in self.axes)
 
     @property
-    def surroundings(self) -> Surroundings:
+    def environment(self) -> BoardEnvironment:
         """What the machine is like now; what all axes of a board share is the same for all boards."""
-        around = [board.surroundings for board in self.simulation.boards]
+        around = [board.environment for board in self.simulation.boards]
         axes, watch = tuple(axis for each in around for axis in each.axes), self.simulation.rotor_watch
         return replace(around[0], axes=axes, payload_kg=0.0 if watch is None else watch.payload_kg)

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.controller.modes.profile_position import TurnDirection, way_units
+from steptwin.controller.modes.profile_position import TurnDirection, travel_units
 from steptwin.controller.motion.backend import Kernel
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Mode, Status
@@ -104,7 +104,7 @@ def test_a_turn_has_a_length(pp: ProfileBench) -> None:
 @given(st.integers(-(10**9), 10**9), st.integers(-(10**9), 10**9), st.integers(2, 10**7))
 def test_ways_end_at_the_target_and_keep_their_direction(start: int, target: int, turn: int) -> None:
     """The shortest way is the shorter of the other two."""
-    negative, positive, shortest = (way_units(start, target, turn, TurnDirection(number)) for number in (1, 2, 3))
+    negative, positive, shortest = (travel_units(start, target, turn, TurnDirection(number)) for number in (1, 2, 3))
     assert all((start + way - target) % turn == 0 for way in (negative, positive, shortest))
     assert -turn < negative <= 0 <= positive < turn
     assert shortest == min(positive, negative, key=abs)

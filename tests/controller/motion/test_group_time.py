@@ -225,7 +225,7 @@ def test_the_ramp_suits_the_faster_segments_that_follow(kernel: Kernel) -> None:
         motion.advance(40)
         motion.group.hold(0, hold=True)
         motion.ramp_group([deceleration_hz_per_s * STEP])
-        assert motion.group.rest_tick == 40 + ticks
+        assert motion.group.halt_tick == 40 + ticks
 
 
 def test_the_ramp_lasts_at_most_as_long_as_a_stop(kernel: Kernel) -> None:
@@ -236,7 +236,7 @@ def test_the_ramp_lasts_at_most_as_long_as_a_stop(kernel: Kernel) -> None:
     motion.advance(40)
     motion.group.hold(0, hold=True)
     motion.ramp_group([1])
-    assert motion.group.rest_tick == 40 + STOP_MAX_MS * k.TICKS_PER_MS
+    assert motion.group.halt_tick == 40 + STOP_MAX_MS * k.TICKS_PER_MS
 
 
 def test_a_queue_that_runs_out_while_slowing_down_is_an_underrun(kernel: Kernel) -> None:
@@ -369,8 +369,8 @@ def test_a_ramp_from_a_high_rate_suits_the_farther_segments_that_it_covers(kerne
         motion.advance(210 * FULL // rate_q16)
         motion.group.hold(0, hold=True)
         motion.ramp_group([20_000 * STEP])
-        assert motion.group.rest_tick is not None
-        lasts[rate_q16] = motion.group.rest_tick - motion.tick
+        assert motion.group.halt_tick is not None
+        lasts[rate_q16] = motion.group.halt_tick - motion.tick
     assert lasts == {FULL: 800, FASTEST: 1600 * 3 // 2}
 
 

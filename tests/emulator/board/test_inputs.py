@@ -453,10 +453,10 @@ class TestOperations:
         run(simulation, {0x10: there, 0x11: records_through([(20, 100)])}, 399)
         assert [levels[0] for counts, levels in seen if counts < 7 * MS] == [HOME, NONE]
         assert [levels for _, levels in seen[2:]] == [[NONE, HOME]]
-        assert board.surroundings.axes[0].stuck == HOME
+        assert board.environment.axes[0].stuck == HOME
         simulation.run_until(401 * MS)
         assert seen[3:] == ([(400 * MS, [HOME, HOME])] if ends_closed else [])
-        assert board.surroundings.axes[0].stuck == NONE
+        assert board.environment.axes[0].stuck == NONE
 
     def test_an_axis_stops_at_a_limit_switch_that_sticks_closed_under_way(self, fast_kernel: Kernel) -> None:
         board = board_of(fast_kernel, 1, Switch(0, POSITIVE, from_substeps=1_000))

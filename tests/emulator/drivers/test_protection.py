@@ -119,8 +119,8 @@ def test_the_board_sees_a_fault_output_that_is_wired(name: str, wired: bool, tol
     assert driver.fault_input is told
     driver.chip.short(SHORT, shorted=True)
     driver.feed(pins(until=SHORT + MS))
-    assert driver.told(SHORT - 1) == DigitalInput(0)
-    assert driver.told(SHORT) == (told or DigitalInput(0))
+    assert driver.fault_inputs(SHORT - 1) == DigitalInput(0)
+    assert driver.fault_inputs(SHORT) == (told or DigitalInput(0))
 
 
 def test_protect_tells_nothing_of_a_tb6560_that_is_destroyed() -> None:
@@ -130,7 +130,7 @@ def test_protect_tells_nothing_of_a_tb6560_that_is_destroyed() -> None:
     assert driver.fault_input is DigitalInput.DRIVER_PROTECT
     driver.chip.short(SHORT, shorted=True)
     assert not has_current(driver, SHORT + MS)
-    assert driver.told(SHORT + MS) == DigitalInput(0)
+    assert driver.fault_inputs(SHORT + MS) == DigitalInput(0)
 
 
 @pytest.mark.parametrize("name", ["dm542", "dm542t"])

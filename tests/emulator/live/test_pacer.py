@@ -46,10 +46,10 @@ def test_while_it_stands_no_count_begins(start_ns: int, speed: float, counts: in
     pacer = Pacer(start_ns, speed)
     before_ns = pacer.ns_at(counts)
     reached = pacer.counts_at(before_ns)
-    pacer.stand(dt_ns)
+    pacer.pause(dt_ns)
     assert pacer.counts_at(before_ns + dt_ns) == reached
     assert pacer.ns_at(counts) == before_ns + dt_ns
-    assert pacer.stood_ns == dt_ns
+    assert pacer.paused_ns == dt_ns
 
 
 @pytest.mark.parametrize("speed", [SPEED_MIN, SPEED_MAX])

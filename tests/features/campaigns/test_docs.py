@@ -16,10 +16,10 @@ from steptwin.features.campaigns.running import run_seed
 from steptwin.features.campaigns.trial import draw
 from steptwin.features.campaigns.values import drawn, read_template
 from steptwin.features.campaigns.variations import VARIATIONS, RampSource
-from steptwin.features.faults.kinds.harm import Harm
+from steptwin.features.faults.fault import Fault
+from steptwin.features.faults.kinds import DOCUMENTED
 from steptwin.features.faults.kinds.host import HostFault, HostFaultKind
 from steptwin.features.faults.moment import AxisMoment, Moment
-from steptwin.features.faults.reactions import DOCUMENTED, documented
 from steptwin.features.faults.requests import REQUESTS, read_request
 from steptwin.features.motors.options import MotorsTurn
 from steptwin.host.common.choices import STATE
@@ -83,16 +83,16 @@ def test_the_nightly_campaign_can_be_drawn(nightly: Campaign) -> None:
         trial.scenario_in(trial.plan())
 
 
-def _harms(campaign: Campaign) -> Iterator[tuple[Robot, int, Harm]]:
-    """Yield the harms of every scenario, drawn some times, with the number of boards."""
+def _faults(campaign: Campaign) -> Iterator[tuple[Robot, int, Fault]]:
+    """Yield the faults of every scenario, drawn some times, with the number of boards."""
     for choice in campaign.scenarios:
         for number in range(8 if choice.table else 0):
             robot = campaign.robots[choice.robots[number % len(choice.robots)]]
             table = drawn(choice.table, Random(f"{choice.name} {number}"), robot)
-            for fault in table["fault"]:
-                harm = read_request(robot, {key: value for key, value in fault.items() if key not in {"name", *WHEN}})
-                assert harm is not None
-                yield robot, len(choice.vary["crystal_ppm"]) if "two boards" in choice.name else 1, harm
+            for keys in table["fault"]:
+                fault = read_request(robot, {key: value for key, value in keys.items() if key not in {"name", *WHEN}})
+                assert fault is not None
+                yield robot, len(choice.vary["crystal_ppm"]) if "two boards" in choice.name else 1, fault
 
 
 def test_the_nightly_campaign_has_every_fault(nightly: Campaign) -> None:
@@ -103,7 +103,7 @@ def test_the_nightly_campaign_has_every_fault(nightly: Campaign) -> None:
     asked = {fault["do"] for choice in nightly.scenarios if choice.table for fault in choice.table["fault"]}
     assert asked == set(REQUESTS) - {STATE}
     rows, hosts = set(), set()
-    for number, (robot, boards, harm) in enumerate(_harms(nightly)):
+    for number, (robot, boards, fault) in enumerate(_faults(nightly)):
         velocity = 100 if number % 2 else -100
         axis = AxisMoment(
             State.OPERATION_ENABLED,
@@ -115,9 +115,9 @@ def test_the_nightly_campaign_has_every_fault(nightly: Campaign) -> None:
             fault_input=DigitalInput.DRIVER_FAULT if number // 2 % 2 else None,
         )
         axes = tuple(replace(axis, board=joint % boards) for joint in range(len(robot.joints)))
-        rows.add(documented(harm, Moment(0, axes, robot.board.bitrate)).what)
-        if isinstance(harm, HostFault):
-            hosts.add(harm.kind)
+        rows.add(fault.documented(Moment(0, axes, robot.board.bitrate)).what)
+        if isinstance(fault, HostFault):
+            hosts.add(fault.kind)
     assert hosts == set(HostFaultKind)
     assert rows == {row.what for row in DOCUMENTED}
 

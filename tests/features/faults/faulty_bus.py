@@ -6,7 +6,7 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.features.faults.kinds.bus import BusFault
 from steptwin.features.faults.options import FaultOptions
 from steptwin.features.faults.report import report_in
-from steptwin.features.faults.scenario import Fault, Scenario
+from steptwin.features.faults.scenario import Scenario, TriggeredFault
 from steptwin.features.faults.triggers import AtTime
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
@@ -24,7 +24,7 @@ def drawer_pull(
     """Run the drawer pull, by default a quick one, while the bus has these faults from an instant since power-up on."""
     options = {"duration_s": str(duration_s), "ramp_s": str(duration_s / 4)}
     robot, begin = load_robot("warehouse-scara"), AtTime(from_s, from_power_up=True)
-    scenario = Scenario("bus", tuple(Fault(fault.do, begin, fault) for fault in faults), seed)
+    scenario = Scenario("bus", tuple(TriggeredFault(fault.do, begin, fault) for fault in faults), seed)
     return execute(
         plan(robot, make_job(robot, "pull-line", options)),
         "pull-line",

@@ -4,8 +4,7 @@ import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.motion.kernel import TICK_COUNTS
-from steptwin.features.faults.engine import HostCondition
-from steptwin.features.faults.kinds.host import HostFault, HostFaultKind
+from steptwin.features.faults.kinds.host import HostCondition, HostFault, HostFaultKind
 from steptwin.host.twin.embedded.execution import execute
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 from tests.features.faults.short_runs import carry, played

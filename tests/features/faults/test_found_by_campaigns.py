@@ -4,7 +4,7 @@ import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.motion.kernel import TICK_COUNTS
-from steptwin.features.faults.engine import HostLostError
+from steptwin.features.faults.lost_host import HostLostError
 from steptwin.features.faults.options import FaultOptions
 from steptwin.features.faults.part import part_of, repair
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
@@ -139,7 +139,7 @@ def test_a_repair_leaves_the_machine_as_it_was_before_the_first_fault(fast_kerne
     repair(boards[0])
     part = part_of(boards[0])
     assert part is not None
-    assert part.engine.target.surroundings.supply_10mv == 2400
+    assert part.engine.target.environment.supply_10mv == 2400
 
 
 def test_a_wait_ends_in_which_the_host_dies_before_its_next_heartbeat(fast_kernel: Kernel) -> None:

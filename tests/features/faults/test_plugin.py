@@ -23,7 +23,7 @@ def test_what_is_no_scenario_is_refused(pytester: pytest.Pytester) -> None:
         """
     result = outcomes(pytester, code)
     result.assert_outcomes(errors=1)
-    assert "steptwin: scenario: ['estop'] is not Scenario or Sequence[Harm] or Path" in result.stdout.str()
+    assert "steptwin: scenario: ['estop'] is not Scenario or Sequence[Fault] or Path" in result.stdout.str()
     assert "Traceback" not in result.stdout.str()
 
 

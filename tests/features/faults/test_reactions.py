@@ -8,16 +8,15 @@ from typing import NamedTuple
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
+from steptwin.features.faults.fault import Fault
 from steptwin.features.faults.judge import longest_ramp_ms
+from steptwin.features.faults.kinds import DOCUMENTED
 from steptwin.features.faults.kinds.bus import BusOff
-from steptwin.features.faults.kinds.drivers import DriverMode, DriverProtect, OscCapacitor
-from steptwin.features.faults.kinds.harm import Harm
 from steptwin.features.faults.kinds.machine import BrownOut, EmergencyStop, PowerUp, WatchdogReset
-from steptwin.features.faults.on_purpose import print_run
+from steptwin.features.faults.kinds.wiring import DriverMode, DriverProtect, OscCapacitor
 from steptwin.features.faults.options import FaultOptions
 from steptwin.features.faults.reaction import GOES_ON, Motion, Reaction
-from steptwin.features.faults.reactions import DOCUMENTED, concerned
-from steptwin.features.faults.report import FaultReport, ScenarioReport, report_in
+from steptwin.features.faults.report import FaultReport, ScenarioReport, print_run, report_in
 from steptwin.features.faults.scenario import Scenario
 from steptwin.host.cli.app import run
 from steptwin.host.common.errors import BusError, InputError
@@ -162,28 +161,28 @@ CASES = [
     ),
     Case("a board without power gets it", 'do = "power-up"', GOES),
     *(
-        Case("a stranger sends frames", fault, verdict)
+        Case("a rogue node sends frames", fault, verdict)
         for fault, verdict in (
-            ('do = "stranger"\nid = 0x80\ndata = ""', GOES),
-            ('do = "stranger"\nid = 0x211\ndata = "02 00 07"', STOPS),
-            ('do = "stranger"\nid = 0\ndata = "02 11"', STOPS),
+            ('do = "rogue-node"\nid = 0x80\ndata = ""', GOES),
+            ('do = "rogue-node"\nid = 0x211\ndata = "02 00 07"', STOPS),
+            ('do = "rogue-node"\nid = 0\ndata = "02 11"', STOPS),
             ('do = "babble"\nid = 0\ndata = "00 00 00 00 00 00 00 00"\nperiod_us = 200\ncount = 500', GOES),
             ('do = "babble"\nid = 0\ndata = "00 00 00 00 00 00 00 00"\nperiod_us = 100\ncount = 4000', STOPS),
         )
     ),
     Case(
-        "a stranger sends frames",
+        "a rogue node sends frames",
         'do = "babble"\nid = 0\ndata = "00 00 00 00 00 00 00 00"\nperiod_us = 100\ncount = 1000000\nfor_s = 0.1',
         GOES,
     ),
-    Case("a stranger stops all nodes (NMT)", 'do = "stranger"\nid = 0\ndata = "02 00"', STOPS, (100, 110)),
+    Case("a rogue node stops all nodes (NMT)", 'do = "rogue-node"\nid = 0\ndata = "02 00"', STOPS, (100, 110)),
     Case(
-        "a stranger resets the communication of all nodes (NMT)",
-        'do = "stranger"\nid = 0\ndata = "82 00"',
+        "a rogue node resets the communication of all nodes (NMT)",
+        'do = "rogue-node"\nid = 0\ndata = "82 00"',
         STOPS,
         (100, 110),
     ),
-    Case("a stranger resets all nodes (NMT)", 'do = "stranger"\nid = 0\ndata = "81 00"', STOPS, (100, 110)),
+    Case("a rogue node resets all nodes (NMT)", 'do = "rogue-node"\nid = 0\ndata = "81 00"', STOPS, (100, 110)),
     Case("the host's controller leaves the bus", 'do = "bus-off"', GOES),
     Case("a board's controller leaves the bus", 'do = "bus-off"\njoint = "th1"', STOPS, (100, 110)),
     Case("a board's controller leaves the bus", 'do = "bus-off"\njoint = "th1"', STOPS, (100, 150), boards=TWO),
@@ -264,7 +263,7 @@ def test_the_limit_of_a_ramp_is_tight(fast_kernel: Kernel, at_s: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("harm", "code", "first_ms", "last_ms"),
+    ("fault", "code", "first_ms", "last_ms"),
     [
         ('do = "host"\nhow = "death"', ErrorCode.HEARTBEAT_LOST, 250, 350.25),
         ('do = "host"\nhow = "hang"', ErrorCode.PVT_UNDERRUN, 550, 650.25),
@@ -272,10 +271,10 @@ def test_the_limit_of_a_ramp_is_tight(fast_kernel: Kernel, at_s: float) -> None:
 )
 @pytest.mark.parametrize("at_s", [0.1, 0.125, 0.15, 0.175])
 def test_a_lost_host_is_noticed_in_time(
-    fast_kernel: Kernel, at_s: float, harm: str, code: ErrorCode, first_ms: float, last_ms: float
+    fast_kernel: Kernel, at_s: float, fault: str, code: ErrorCode, first_ms: float, last_ms: float
 ) -> None:
     """At every phase of the heartbeat; an EMCY is on the bus within a millisecond."""
-    _, report = played(fast_kernel, f"[[fault]]\nat_s = {at_s}\n{harm}\n")
+    _, report = played(fast_kernel, f"[[fault]]\nat_s = {at_s}\n{fault}\n")
     first = next(told for told in report.faults[0].emcys if told.code == code)
     assert first_ms <= first.after_ms <= last_ms + 1
 
@@ -432,10 +431,10 @@ def test_what_the_axes_of_another_board_have_lost_is_known(fast_kernel: Kernel) 
 def test_what_is_done_to_a_board_concerns_its_axes() -> None:
     boards = (0, 0, 1, 1)
     for of_one in (BrownOut(axis=2), WatchdogReset(axis=3), PowerUp(2), BusOff(3)):
-        assert concerned(of_one, boards) == [2, 3]
+        assert of_one.concerned(boards) == [2, 3]
     for of_all in (BrownOut(), WatchdogReset(), PowerUp(), BusOff(None), EmergencyStop(pressed=True)):
-        assert concerned(of_all, boards) == [0, 1, 2, 3]
-    assert concerned(DriverProtect(1, active=True), boards) == [1]
+        assert of_all.concerned(boards) == [0, 1, 2, 3]
+    assert DriverProtect(1, active=True).concerned(boards) == [1]
 
 
 def test_a_receiver_that_is_not_there_is_refused(fast_kernel: Kernel) -> None:
@@ -449,7 +448,7 @@ def test_another_payload_needs_motors(fast_kernel: Kernel) -> None:
 
 
 @pytest.mark.parametrize(
-    ("driver", "harm", "told"),
+    ("driver", "fault", "told"),
     [
         ("a4988", OscCapacitor(0, 330), "A4988 has no capacitor at OSC"),
         ("drv8825", OscCapacitor(0, 330), "DRV8825 has no capacitor at OSC"),
@@ -461,11 +460,11 @@ def test_another_payload_needs_motors(fast_kernel: Kernel) -> None:
         ("3a-module", DriverMode(0, 4), "microsteps: 4 is not one of TB6560AHQ's 1, 2, 8, 16: the nearest are 2 and 8"),
     ],
 )
-def test_a_harm_to_a_part_that_the_chip_lacks_is_refused(
-    fast_kernel: Kernel, driver: str, harm: Harm, told: str | None
+def test_a_fault_of_a_part_that_the_chip_lacks_is_refused(
+    fast_kernel: Kernel, driver: str, fault: Fault, told: str | None
 ) -> None:
     def play() -> None:
-        execute(carry(), "carry", fast_kernel, driver_profile=driver, extras=[FaultOptions(scenario=[harm])])
+        execute(carry(), "carry", fast_kernel, driver_profile=driver, extras=[FaultOptions(scenario=[fault])])
 
     if told is None:
         play()

@@ -2,14 +2,22 @@
 
 import pytest
 
+from steptwin.features.faults.kinds import FAULTS
 from steptwin.features.faults.kinds.bus import FrameLoss
 from steptwin.features.faults.kinds.host import HostFault, HostFaultKind
-from steptwin.features.faults.kinds.limit_switches import StuckSwitch
 from steptwin.features.faults.kinds.machine import EmergencyStop
+from steptwin.features.faults.kinds.wiring import StuckSwitch
 from steptwin.features.faults.reaction import Motion, Reaction
-from steptwin.features.faults.scenario import Fault, Scenario, parse_scenario, read_scenario
-from steptwin.features.faults.triggers import AtPosition, AtRandom, AtState, AtTime, Direction, OnFrame
+from steptwin.features.faults.scenario import (
+    Scenario,
+    ScenarioFile,
+    TriggeredFault,
+    parse_scenario,
+    read_scenario,
+)
+from steptwin.features.faults.triggers import TRIGGERS, AtPosition, AtRandom, AtState, AtTime, Direction, OnFrame
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_models import json_schema
 from steptwin.host.common.findings import Findings
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, State
 from tests.end_to_end.pages import ROOT
@@ -64,26 +72,28 @@ def test_every_key() -> None:
     assert read == Scenario(
         "all",
         (
-            Fault(
+            TriggeredFault(
                 "first",
                 AtPosition("th2", 3.0, Direction.ANY),
                 StuckSwitch(0, DigitalInput.NEGATIVE_LIMIT, closed=False),
                 AtState("th1", State.QUICK_STOP_ACTIVE),
             ),
-            Fault(
+            TriggeredFault(
                 "2 loss",
                 AtRandom(1.0, 2.5),
                 FrameLoss((0x80, 0x77F), rate=0.5, skip=1, count=3, receiver=1),
                 0.25,
             ),
-            Fault(
+            TriggeredFault(
                 "3 host",
                 OnFrame(0x80),
                 HostFault(HostFaultKind.RESTART, 2.0),
                 None,
                 Reaction(Motion.CUT, (ErrorCode.ESTOP,), State.FAULT, 2.0, certain=False),
             ),
-            Fault("4 estop", AtTime(0.5, from_power_up=True), EmergencyStop(pressed=False), AtRandom(1.0, 2.0)),
+            TriggeredFault(
+                "4 estop", AtTime(0.5, from_power_up=True), EmergencyStop(pressed=False), AtRandom(1.0, 2.0)
+            ),
         ),
         seed=5,
     )
@@ -99,7 +109,7 @@ def test_random_instants_come_from_the_seed_and_the_fault_alone() -> None:
     assert all(isinstance(fault.trigger, AtTime) and 0 <= fault.trigger.at_s <= 1000 for fault in two.faults)
 
 
-TRIGGERS = "at_s, power_up_s, at_position, on_frame, at_state, at_random"
+ONE_OF = f"a fault has exactly one of {', '.join(TRIGGERS)}"
 
 
 @pytest.mark.parametrize(
@@ -128,19 +138,19 @@ def test_mistakes(text: str, complaint: str) -> None:
         ),
         (
             'at_s = 1; do = "estpo"',
-            "do 'estpo' is unknown: did you mean estop?",
+            "do: 'estpo' is unknown: did you mean estop?",
         ),
         (
             'at_s = 1; do = "state"',
-            "do: 'state' harms nothing",
+            "do: 'state' is no fault: it changes nothing",
         ),
         (
             "STOP",
-            f"a fault has exactly one of {TRIGGERS}, not none",
+            f"{ONE_OF}, not none",
         ),
         (
             "at_s = 1; power_up_s = 1; STOP",
-            f"a fault has exactly one of {TRIGGERS}, not at_s and power_up_s",
+            f"{ONE_OF}, not at_s and power_up_s",
         ),
         (
             "at_s = -1; STOP",
@@ -208,7 +218,7 @@ def test_mistakes(text: str, complaint: str) -> None:
         ),
         (
             'at_state = { joint = "th1", state = "FAULTY" }; STOP',
-            "at_state.state 'FAULTY' is unknown: did you mean FAULT",
+            "at_state.state: 'FAULTY' is unknown: did you mean FAULT",
         ),
         (
             'at_s = 1; do = "slip"; joint = "th1"; full_steps = 5',
@@ -216,7 +226,7 @@ def test_mistakes(text: str, complaint: str) -> None:
         ),
         (
             'at_s = 1; do = "loss"; frames = "recrods"',
-            "frames 'recrods' is unknown: did you mean records?",
+            "frames: 'recrods' is unknown: did you mean records?",
         ),
         (
             'at_s = 1; do = "loss"; frames = [3000]',
@@ -240,7 +250,7 @@ def test_mistakes(text: str, complaint: str) -> None:
         ),
         (
             'at_s = 1; expect = { motion = "goes" }; STOP',
-            "expect.motion 'goes' is unknown: did you mean goes-on?",
+            "expect.motion: 'goes' is unknown: did you mean goes-on?",
         ),
         (
             'at_s = 1; expect = { motion = "cut", codes = [1] }; STOP',
@@ -260,7 +270,7 @@ def test_mistakes_in_a_fault(keys: str, complaint: str) -> None:
 
 def test_all_mistakes_are_found_at_once() -> None:
     found = messages(f"[[fault]]\nat_s = -1\n{STOP}[[fault]]\n{STOP}seed = 2\n")
-    assert [line.partition(":")[0] for line in found] == ["fault 1", "fault 2"]
+    assert [line.partition(":")[0] for line in found] == ["fault 1", "fault 2", "fault 2"]
 
 
 def test_the_example_of_the_page_and_a_file_that_is_not_there() -> None:
@@ -269,4 +279,19 @@ def test_the_example_of_the_page_and_a_file_that_is_not_there() -> None:
     with refusing(InputError):
         read_scenario("none.toml", ROBOT)
     with refusing(ValueError):
-        Scenario("s", (Fault("x", AtTime(1), EmergencyStop(pressed=True)),) * 2)
+        Scenario("s", (TriggeredFault("x", AtTime(1), EmergencyStop(pressed=True)),) * 2)
+
+
+@pytest.mark.slow
+def test_the_schema_has_every_fault_with_its_keys() -> None:
+    schema = json_schema(ScenarioFile)["properties"]
+    faults = {each["properties"]["do"]["const"]: each for each in schema["fault"]["items"]["oneOf"]}
+    assert list(faults) == list(FAULTS)
+    for do, each in faults.items():
+        needed = [name for name, key in FAULTS[do].keys().items() if not key.optional]
+        assert each["required"] == ["do", *needed]
+        assert set(each["properties"]) == {"do", *FAULTS[do].keys(), *TRIGGERS, "name", "for_s", "until", "expect"}
+    voltage = faults["supply"]["properties"]["supply_v"]
+    assert (voltage["type"], voltage["minimum"], voltage["maximum"]) == ("number", 0, 655.35)
+    assert faults["switch"]["properties"]["stuck"]["enum"] == ["closed", "open", "free"]
+    assert schema["seed"]["maximum"] == 2**31 - 1

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.drivers.axis_wires import Noise, Wire, WireState
 from steptwin.emulator.operations import Operation
-from steptwin.features.faults.kinds import HARMS as FAMILIES
+from steptwin.features.faults.fault import Fault
+from steptwin.features.faults.kinds import FAULTS
 from steptwin.features.faults.kinds.bus import (
     Babble,
     BusOff,
@@ -21,12 +22,9 @@ from steptwin.features.faults.kinds.bus import (
     FrameDuplicate,
     FrameLoss,
     HostBitRate,
-    StrangerSends,
+    RogueFrame,
 )
-from steptwin.features.faults.kinds.drivers import DriverMode, DriverProtect, OscCapacitor, ShortCircuit
-from steptwin.features.faults.kinds.harm import Harm
 from steptwin.features.faults.kinds.host import HostFault, HostFaultKind
-from steptwin.features.faults.kinds.limit_switches import BouncingSwitch, Contact, StuckSwitch, SwitchWire
 from steptwin.features.faults.kinds.machine import (
     BoardTemperature,
     BrownOut,
@@ -38,7 +36,17 @@ from steptwin.features.faults.kinds.machine import (
     Supply,
     WatchdogReset,
 )
-from steptwin.features.faults.kinds.wiring import SetWire
+from steptwin.features.faults.kinds.wiring import (
+    BouncingSwitch,
+    Contact,
+    DriverMode,
+    DriverProtect,
+    OscCapacitor,
+    SetWire,
+    ShortCircuit,
+    StuckSwitch,
+    SwitchWire,
+)
 from steptwin.features.faults.requests import FRAMES as FRAME_NAMES
 from steptwin.features.faults.requests import (
     INJECTED,
@@ -312,8 +320,8 @@ FRAMES = st.one_of(
     st.sets(st.integers(0, 0x7FF), min_size=1, max_size=3).map(lambda ids: tuple(sorted(ids))),
 )
 OFTEN = {"rate": st.floats(0, 1), "skip": st.integers(0, 9), "count": st.none() | st.integers(1, 9)}
-STRANGERS = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8))
-HARMS = st.one_of(
+ROGUE_FRAMES = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8))
+ANY_FAULT = st.one_of(
     st.builds(EmergencyStop, st.booleans()),
     st.builds(Supply, st.integers(0, 65_535)),
     st.builds(BoardTemperature, st.integers(-32_768, 32_767)),
@@ -335,8 +343,8 @@ HARMS = st.one_of(
     st.builds(PowerUp, st.none() | JOINTS),
     st.builds(BusOff, st.none() | JOINTS),
     st.builds(HostBitRate, st.sampled_from([125_000, 250_000, 500_000, 1_000_000])),
-    st.builds(StrangerSends, STRANGERS),
-    st.builds(Babble, STRANGERS, st.integers(47, 9_999), st.integers(1, 9)),
+    st.builds(RogueFrame, ROGUE_FRAMES),
+    st.builds(Babble, ROGUE_FRAMES, st.integers(47, 9_999), st.integers(1, 9)),
     st.builds(FrameDuplicate, FRAMES, **OFTEN),
     st.builds(SwitchWire, JOINTS, st.sampled_from(SWITCH_INPUTS[:2]), st.sampled_from([*Contact, None])),
     st.builds(BouncingSwitch, JOINTS, st.sampled_from(SWITCH_INPUTS[:2]), st.integers(0, 9), st.integers(18, 999)),
@@ -354,13 +362,13 @@ HARMS = st.one_of(
 
 
 def test_every_operation_has_a_request() -> None:
-    kinds, families = [Harm], set()
+    kinds, families = [Fault], set()
     while kinds:
         kind = kinds.pop()
         kinds += kind.__subclasses__()
         if hasattr(kind, "do"):
             families.add(kind.do)
-    assert families == {each.do for each in FAMILIES}
+    assert families == {*FAULTS}
 
 
 def test_clients_and_the_board_have_the_same_words_for_a_stuck_switch() -> None:
@@ -374,9 +382,9 @@ def test_a_sensor_that_the_robots_file_does_not_know_is_told_by_its_place() -> N
 
 
 @pytest.mark.slow
-@given(HARMS)
-def test_a_harm_is_the_request_that_asks_for_it(harm: Harm) -> None:
-    assert read_request(ROBOT, json.loads(json.dumps(request_of(ROBOT, harm)))) == harm
+@given(ANY_FAULT)
+def test_a_fault_is_the_request_that_asks_for_it(fault: Fault) -> None:
+    assert read_request(ROBOT, json.loads(json.dumps(request_of(ROBOT, fault)))) == fault
 
 
 ASKED: dict[str, dict[str, Any]] = {
@@ -408,7 +416,7 @@ ASKED: dict[str, dict[str, Any]] = {
     "brown-out joint=th2": {"joint": "th2"},
     "watchdog 3 th2": {"for_ms": 3, "joint": "th2"},
     "power-up": {},
-    "stranger 0 8112": {"id": 0, "data": "8112"},
+    "rogue-node 0 8112": {"id": 0, "data": "8112"},
     "babble 0x1 data= 100 9": {"id": 1, "data": "", "period_us": 100, "count": 9},
     "loss records": {"frames": "records"},
     "loss 0x510,1297 rate=0.5 receiver=0": {"frames": [0x510, 0x511], "rate": 0.5, "receiver": 0},
@@ -432,7 +440,7 @@ def test_words_are_the_request_that_they_ask_for(words: str, values: dict[str, A
     assert (read_request(ROBOT, {"do": do, **request}) is None) == (do == STATE)
 
 
-def test_each_harm_of_a_served_board_has_words() -> None:
+def test_each_fault_of_a_served_board_has_words() -> None:
     """And each word that help names is one that the board knows."""
     assert {words.split()[0] for words in ASKED} == {*INJECTED} == {*REQUESTS} - {"host"}
     for do in INJECTED:
@@ -457,7 +465,7 @@ def test_each_harm_of_a_served_board_has_words() -> None:
         "loss records cuont=3",
         "loss all rate=1 rate=0",
         "loss all rate=half",
-        "stranger 08 00",
+        "rogue-node 08 00",
         "protect th2 yes",
         "loss 0x510,sync",
     ],
@@ -482,4 +490,4 @@ VALUES = st.recursive(
 def test_any_object_is_an_operation_or_refused(request_: dict[str, Any], do: str) -> None:
     for each in (request_, request_ | {"do": do}):
         with suppress(InputError):
-            assert isinstance(read_request(ROBOT, each), Harm | None)
+            assert isinstance(read_request(ROBOT, each), Fault | None)

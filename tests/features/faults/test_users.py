@@ -12,7 +12,7 @@ from steptwin.features.faults import NAME
 from steptwin.features.faults.kinds.host import HostFault, HostFaultKind
 from steptwin.features.faults.kinds.machine import EmergencyStop
 from steptwin.features.faults.options import FaultOptions
-from steptwin.features.faults.scenario import Fault, Scenario
+from steptwin.features.faults.scenario import Scenario, TriggeredFault
 from steptwin.features.faults.triggers import AtState, AtTime
 from steptwin.host.cli.app import run
 from steptwin.host.common.errors import InputError
@@ -106,7 +106,7 @@ def test_check_shows_the_faults(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 def test_a_live_board_plays_a_scenario(fast_kernel: Kernel) -> None:
     """Four axes on two boards: the button stops all of them when one is enabled, and is pulled out 20 ms later."""
-    stop = Fault("stop", AtState("th4", State.OPERATION_ENABLED), EmergencyStop(pressed=True), 0.02)
+    stop = TriggeredFault("stop", AtState("th4", State.OPERATION_ENABLED), EmergencyStop(pressed=True), 0.02)
     board = LiveBoard(
         ROBOT,
         fast_kernel,
@@ -114,7 +114,7 @@ def test_a_live_board_plays_a_scenario(fast_kernel: Kernel) -> None:
             axes_per_board=(2, 2),
             extras=[
                 FaultOptions(
-                    scenario=Scenario("live", (stop, Fault("later", AtTime(1.0), EmergencyStop(pressed=True))))
+                    scenario=Scenario("live", (stop, TriggeredFault("later", AtTime(1.0), EmergencyStop(pressed=True))))
                 )
             ],
             bitrate=1_000_000,
@@ -136,9 +136,9 @@ def test_a_live_board_plays_a_scenario(fast_kernel: Kernel) -> None:
         wait(5)
     nodes = [node for each in board.live.simulation.boards for node in each.firmware.nodes]
     assert [node.drive.state for node in nodes] == [State.FAULT] * 4
-    assert board.surroundings.emergency_stop
+    assert board.environment.emergency_stop
     wait(20)
-    assert not board.surroundings.emergency_stop
+    assert not board.environment.emergency_stop
     document = board.report()
     assert document["scenario"] == {"name": "live", "seed": 0}
     first, later = document["faults"]
@@ -148,7 +148,7 @@ def test_a_live_board_plays_a_scenario(fast_kernel: Kernel) -> None:
 
 
 def test_a_live_board_has_no_host_of_its_own(fast_kernel: Kernel) -> None:
-    dying = Scenario("dying", (Fault("it", AtTime(1), HostFault(HostFaultKind.DEATH)),))
+    dying = Scenario("dying", (TriggeredFault("it", AtTime(1), HostFault(HostFaultKind.DEATH)),))
     with refusing(InputError):
         LiveBoard(ROBOT, fast_kernel, MachineOptions(extras=[FaultOptions(scenario=dying)]))
 

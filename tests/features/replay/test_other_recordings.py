@@ -63,12 +63,12 @@ def test_the_same_steps(suffix: str, late_ms: float, carry_run: Path, fast_kerne
 def test_a_recording_that_began_after_power_up(carry_run: Path, fast_kernel: Kernel, tmp_path: Path) -> None:
     """Its first frames, the boot-ups, are missing; other nodes and broken frames are among the rest."""
     messages = seen(carry_run / BUS_LOG, lambda: 0.0)[4:]
-    stranger = can.Message(messages[9].timestamp, 0x1A5, is_extended_id=False, data=[1], channel="can0")
+    rogue = can.Message(messages[9].timestamp, 0x1A5, is_extended_id=False, data=[1], channel="can0")
     broken = can.Message(messages[9].timestamp, is_error_frame=True, channel="can0")
     request = can.Message(messages[20].timestamp, 0x625, is_extended_id=False, data=bytes(8), channel="can0")
     result = replayed(
         carry_run,
-        [*messages[:10], stranger, broken, *messages[10:21], request, *messages[21:]],
+        [*messages[:10], rogue, broken, *messages[10:21], request, *messages[21:]],
         tmp_path / "bus.asc",
         fast_kernel,
     )

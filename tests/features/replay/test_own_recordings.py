@@ -8,10 +8,10 @@ import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.operations import Scheduled
-from steptwin.features.faults.kinds.bus import BusOff, HostBitRate, StrangerSends
+from steptwin.features.faults.kinds.bus import BusOff, HostBitRate, RogueFrame
 from steptwin.features.faults.kinds.machine import EmergencyStop, SetInput, WatchdogReset
 from steptwin.features.faults.options import FaultOptions
-from steptwin.features.faults.scenario import Fault, Scenario
+from steptwin.features.faults.scenario import Scenario, TriggeredFault
 from steptwin.features.faults.triggers import AtTime
 from steptwin.features.replay.command import say_result
 from steptwin.features.replay.power_up import MachineAtPowerUp, stored_machine
@@ -58,9 +58,9 @@ def move(session: LiveSession) -> None:
 
 
 def operate(session: LiveSession) -> None:
-    """Let a stranger speak, leave the bit rate for 2 ms; stop the axis; close another one's sensor; reset its board."""
-    for harm in (StrangerSends(Frame(0x7F0, b"\x01")), BusOff(5), HostBitRate(500_000), HostBitRate(1_000_000)):
-        session.board.live.call(partial(session.board.operate, harm), session.now_ns)
+    """Let a rogue node speak, set the bit rate for 2 ms; stop the axis; close another one's sensor; reset its board."""
+    for fault in (RogueFrame(Frame(0x7F0, b"\x01")), BusOff(5), HostBitRate(500_000), HostBitRate(1_000_000)):
+        session.board.live.call(partial(session.board.operate, fault), session.now_ns)
         session.wait(2)
     session.board.live.call(lambda: session.board.operate(EmergencyStop(pressed=True)), session.now_ns + 5_001)
     session.wait(50)
@@ -95,8 +95,8 @@ def test_a_live_board(
 def test_the_scenario_of_a_live_board(fast_kernel: Kernel, tmp_path: Path) -> None:
     """The faults come while the axis moves: two boards, of which the second is reset."""
     faults = (
-        Fault("stop", AtTime(0.06), EmergencyStop(pressed=True), until=0.02),
-        Fault("reset", AtTime(0.07), WatchdogReset(axis=4)),
+        TriggeredFault("stop", AtTime(0.06), EmergencyStop(pressed=True), until=0.02),
+        TriggeredFault("reset", AtTime(0.07), WatchdogReset(axis=4)),
     )
     scenario = Scenario("a stop and a reset", faults)
     session = LiveSession(fast_kernel, tmp_path, axes_per_board=(4, 2), extras=[FaultOptions(scenario=scenario)])
@@ -231,10 +231,10 @@ def test_a_log_of_another_robots_nodes(tmp_path: Path, fast_kernel: Kernel) -> N
         ),
         ('at_s = 0.3\ndo = "slip"\njoint = "th2"\nfull_steps = 8', ()),
         ('at_s = 0.3\ndo = "host"\nhow = "death"', ()),
-        ('at_s = 0.3\ndo = "stranger"\nid = 0x211\ndata = "02 00 07"', ()),
+        ('at_s = 0.3\ndo = "rogue-node"\nid = 0x211\ndata = "02 00 07"', ()),
         ('at_s = 0.3\ndo = "loss"\nframes = "records"\njoint = "th1"\ncount = 1', ("1 loss (loss)",)),
     ],
-    ids=["emergency stop", "supply at a position", "slip", "host", "stranger", "bus"],
+    ids=["emergency stop", "supply at a position", "slip", "host", "rogue-node", "bus"],
 )
 def test_a_scenario(
     fault: str, bus_faults: tuple[str, ...], fast_kernel: Kernel, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -24,7 +24,7 @@ EXECUTE = "steptwin.host.twin.embedded.execution.execute"
     [
         ("run teaching-scara carry", EXECUTE, "report.json"),
         ("run teaching-scara carry", EXECUTE, "trace.vcd"),
-        pytest.param("run teaching-scara carry", EXECUTE, "timing.png", marks=PLOT),
+        pytest.param("run teaching-scara carry", EXECUTE, "overview.png", marks=PLOT),
         ("workspace teaching-scara", "steptwin.host.robots.workspace.scan", "cloud.csv"),
     ],
 )

@@ -60,7 +60,7 @@ def test_one_trapezoid_for_all() -> None:
         assert one.acceleration_units_per_s2 / wire <= joint.acceleration_max * 1.001 + 1000 / wire
     for axis, one in moves.items():
         way = goal[axis]
-        assert (one.way_units, one.target_units) == (way, way)
+        assert (one.travel_units, one.target_units) == (way, way)
         if abs(way) > 1000:
             ramp_s = one.velocity_units_per_s / one.acceleration_units_per_s2
             assert abs(way) / one.velocity_units_per_s + ramp_s == pytest.approx(planned_s, abs=0.002)

@@ -126,16 +126,16 @@ def test_a_reset_starts_nodes_that_another_master_has_stopped(steptwin: CommandL
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("harm", [WatchdogReset(), BrownOut(for_ms=30)])
+@pytest.mark.parametrize("fault", [WatchdogReset(), BrownOut(for_ms=30)])
 def test_a_board_that_restarts_in_motion_is_told(
-    harm: WatchdogReset | BrownOut, board: EmbeddedBoard, session: Session, steptwin: CommandLine
+    fault: WatchdogReset | BrownOut, board: EmbeddedBoard, session: Session, steptwin: CommandLine
 ) -> None:
     struck: list[float] = []
 
     def halfway(fraction: float) -> None:
         if fraction > 0.5 and not struck:
             struck.append(board.now_s())
-            board.operate(harm)
+            board.operate(fault)
 
     with refusing(DeviceFaultError):
         move(session, GOAL, progress=halfway)

@@ -29,7 +29,7 @@ from steptwin.host.robots.poses.rotations import of_matrix, rpy_deg
 JOINTS_MAX: Final = 8
 _DECIMALS: Final = 9
 AXIS_LEAST: Final = 1e-6
-"""Least length of an axis; it is made 1."""
+"""Least length of an axis, which is then normalised."""
 
 
 class Notation(StrEnum):
@@ -41,7 +41,7 @@ class Notation(StrEnum):
 
 
 class ToolTask(StrEnum):
-    """What a chain's tool can be told; by default what its joints suffice for."""
+    """Coordinates that can be commanded to a chain's tool; by default the most that its joints allow."""
 
     POSE = "pose"
     DIRECTION = "direction"
@@ -54,18 +54,22 @@ TASKS: Final[dict[ToolTask, tuple[Task, int]]] = {
     ToolTask.DIRECTION: (DIRECTION_TASK, 5),
     ToolTask.POSITION: (POSITION, 3),
 }
-"""The tasks, each with the number of joints that it determines."""
+"""Tasks, each with the number of joints that it determines."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChainJoint:
-    """A joint of a chain as its notation describes it, with 0 for what that does not have.
+    """A joint of a chain, with the parameters of its notation; those of other notations are 0.
 
     Attributes:
-        slides: true for a joint that slides along its axis.
-        theta_deg: DH parameter of the row; likewise alpha_deg, d_mm and a_mm. The joint's position is added to its own.
-        xyz_mm: place in the frame before; likewise rpy_deg.
-        axis: axis in this frame, of any length.
+        slides: True for a sliding joint.
+        theta_deg: DH parameter theta, to which a rotary joint adds its position.
+        alpha_deg: DH parameter alpha.
+        d_mm: DH parameter d, to which a sliding joint adds its position.
+        a_mm: DH parameter a.
+        xyz_mm: position in the previous frame (urdf).
+        rpy_deg: orientation in the previous frame (urdf).
+        axis: axis of the joint in this frame, of any length (urdf).
     """
 
     slides: bool = False
@@ -105,7 +109,7 @@ Chain = tuple[tuple[str, ChainJoint], ...]
 
 
 def _chain(table: Table, key: str) -> Chain:
-    """Return the joints; their keys are those of the notation beside them."""
+    """Read the joints, whose keys depend on the notation in the same table."""
     keys = _URDF_KEYS if table.values.get("notation") == Notation.URDF else _DH_KEYS
     with table.section(key) as section:
         return tuple(section.read(dict.fromkeys(section, partial(_joint, keys))).items())
@@ -127,11 +131,11 @@ def _names(table: Table, key: str) -> tuple[str, ...]:
 
 
 TOOLS_NAMES: Final = frozenset({"x", "y", "z", "phi", "rx", "ry", "rz", "roll", "pitch", "yaw", "dx", "dy", "dz"})
-"""Names that coordinates of the tool have in programs, files and commands: no joint may have them."""
+"""Names of tool coordinates in programs, files and commands, which no joint may have."""
 
 
 def check_joint_names(key: str, names: Collection[str]) -> None:
-    """Raise InputError, under a key of a robot file, for joints with the name of a coordinate, or for too many."""
+    """Raise InputError, under a key of a robot file, for too many joints, or one with the name of a coordinate."""
     if not 1 <= len(names) <= JOINTS_MAX:
         raise InputError(f"{key}: {len(names)} joints, a board drives 1 to {JOINTS_MAX}")
     if taken := [name for name in names if name in TOOLS_NAMES]:
@@ -146,13 +150,13 @@ _SIX_AXES: Final[dict[str, dict[str, float]]] = {
     "J5": {"theta_deg": 0.0, "alpha_deg": 90.0, "d_mm": 0.0, "a_mm": 0.0},
     "J6": {"theta_deg": 180.0, "alpha_deg": -90.0, "d_mm": 40.0, "a_mm": 0.0},
 }
-"""A six-axis arm of the usual shape, with which a new robot begins."""
+"""A usual six-axis arm, the template of a new robot."""
 
 
 def usual_arm(joints: int) -> dict[str, Any]:
-    """Return the dimensions of an arm of the first 1 to 6 joints of the usual one, whose others stay at 0 in the tool.
+    """Return the dimensions of an arm with the first 1 to 6 joints of the usual one; the others are fixed at 0.
 
-    Four joints are one more than a place takes: the last, which turns the tool about itself, stays where it is.
+    Four joints are one more than a position needs: the last one, which turns the tool about itself, is held.
     """
     names, rows = list(_SIX_AXES), list(_SIX_AXES.values())
     rest = (
@@ -175,7 +179,7 @@ def usual_arm(joints: int) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class ChainGeometry:
-    """The joints of a chain, the frames at its ends, and what its tool is told; raises InputError for a misfit."""
+    """Joints of a chain, frames at its ends, and task of its tool; raises InputError if they do not fit."""
 
     notation: Notation = dimension("modified-dh, standard-dh or urdf", Notation.MODIFIED_DH)
     chain: Chain = dimension("the joints from the base to the tool", _SIX_AXES, reading=_chain)
@@ -203,7 +207,7 @@ class ChainGeometry:
 
     @property
     def tool_task(self) -> ToolTask:
-        """The task as it is given, or the largest for which the joints suffice."""
+        """The given task, or the largest one that the joints allow."""
         if self.task is not ToolTask.BY_JOINTS:
             return self.task
         free = len(self.joints) - len(set(self.held))
@@ -216,7 +220,7 @@ class ChainGeometry:
 
     @property
     def dh(self) -> DhTable:
-        """The DH table: of a DH notation the rows as they are written, with rows for base and tool around them."""
+        """The DH table; for a DH notation with the written rows, and further rows for base and tool."""
         if self.notation is Notation.URDF:
             return DhTable(Convention.MODIFIED, tuple(self._rows_of_frames()))
         convention = Convention.MODIFIED if self.notation is Notation.MODIFIED_DH else Convention.STANDARD
@@ -248,9 +252,9 @@ class ArmAxes:
     Attributes:
         directions: shape (joints, 3), unit vectors.
         points_mm: shape (joints, 3), a point on each axis.
-        slides: true for each joint that slides along its axis instead of turning about it.
-        home_mm: shape (3,), the tool's place.
-        home_rotation: shape (3, 3), the tool's axes as columns.
+        slides: True for each sliding joint.
+        home_mm: shape (3,), position of the tool.
+        home_rotation: shape (3, 3), axes of the tool as columns.
     """
 
     directions: FloatArray
@@ -265,7 +269,7 @@ def axes_of(table: DhTable, joints: tuple[str, ...]) -> ArmAxes:
     """Return the axes of a DH table whose variables are among the joints, in the joints' order."""
     at_zero = {name: np.zeros(1) for name in joints}
     frames = DhTable(table.convention, table.rows, STATION).frames(at_zero)[:, 0]
-    behind = table.convention is Convention.MODIFIED  # a modified row's joint turns about the z axis behind the row
+    behind = table.convention is Convention.MODIFIED  # in a modified row the joint turns about the z axis after the row
     found: dict[str, tuple[FloatArray, FloatArray, bool]] = {}
     for i, row in enumerate(table.rows):
         frame = frames[i + behind]

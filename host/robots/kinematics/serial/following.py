@@ -1,4 +1,4 @@
-"""The joints of a chain along a path of its tool, found from some poses of the path to the next ones."""
+"""Solve the joints of a chain along a path of its tool."""
 
 from typing import Final
 
@@ -9,13 +9,13 @@ from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.robots.kinematics.serial.levenberg import Found, NumericInverse
 
 _ANCHORS: Final = 50
-"""Poses of a path from one to the next that are solved one after the other; those in between start from both."""
+"""Spacing in poses of the anchors of a path, which are solved one after the other; then those between them."""
 
 
 def find_along(numeric: NumericInverse, poses: FloatArray, near: FloatArray) -> Found:
     """Return joints along a path that begins near joints of shape (joints,), without jumps of whole turns.
 
-    Some poses are solved one after the other, then those in between from the joints between their ends.
+    Anchor poses are solved one after the other. The poses between them start from interpolated joints.
     """
     places = np.unique(np.append(np.arange(0, len(poses), _ANCHORS), len(poses) - 1))
     anchors, last = np.empty((len(places), len(near))), np.array(near[np.newaxis], dtype=np.float64)
@@ -28,11 +28,11 @@ def find_along(numeric: NumericInverse, poses: FloatArray, near: FloatArray) -> 
 
 
 def find_near(numeric: NumericInverse, poses: FloatArray, guides: FloatArray) -> Found:
-    """Return joints at poses of a path from guides of shape (n, joints), in the turns nearest to these."""
+    """Return joints at poses of a path, from guides of shape (n, joints), in the turns nearest to the guides."""
     found = numeric.near(poses, guides)
     return found._replace(joints=np.where(numeric.slides, found.joints, turned_to(guides, found.joints)))
 
 
 def turned_to(guides: FloatArray, joints: FloatArray) -> FloatArray:
-    """Return joints in degrees in the turns nearest to guides."""
+    """Return joints, in degrees, in the turns nearest to guides."""
     return np.asarray(joints + 360.0 * np.round((guides - joints) / 360.0))

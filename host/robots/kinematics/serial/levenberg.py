@@ -1,12 +1,13 @@
-"""The numeric inverse of any chain: all poses at once, each from joints near its solution.
+"""Numeric inverse kinematics of any chain: all poses at once, each from joints near its solution.
 
-The error e of a pose is that of the tool in its own frame: the way still to go, and the rotation vector still to turn.
-Lengths count as parts of the arm's reach, so that they compare with angles. Each step takes
+The error e of a pose is in the tool's frame: the remaining distance and the remaining rotation vector. Lengths are
+divided by the arm's reach, so they compare with angles. Each step is
 
     dq = J^T (J J^T + d I)^-1 e        d = DAMPING |e|
 
-so that it is short where the Jacobian J is singular, and Newton's near the solution. What is told of the orientation is
-the task's: a direction leaves the turn about the tool's z axis out, a place all turns.
+It is short near a singularity of the Jacobian J, and a Newton step near the solution. The task selects the error's
+components: a direction ignores the rotation about the tool's z axis, a position ignores all rotations.
+
 
 Source: K. Levenberg, 1944, as S. R. Buss, "Introduction to inverse kinematics", 2009, equation 11 has it for arms.
 """
@@ -25,29 +26,29 @@ from steptwin.host.robots.poses.rotations import product, reversed_rotation, rot
 
 PLACE_OFF_MM: Final = 1e-6
 TURN_OFF_DEG: Final = 1e-7
-"""Distance and angle from the pose up to which joints are its solution."""
+"""Largest distance and angle between a solution and its pose."""
 
 DAMPING: Final = 1e-2
 _STEP_MAX_RAD: Final = 0.5
-"""Largest step of a joint; a sliding joint's is as large a part of the reach."""
+"""Largest step of a joint in rad; for a sliding joint as a fraction of the reach."""
 _STEPS: Final = 40
-"""Steps from one start: near ones take 3 to 6."""
+"""Highest number of steps from one start; 3 to 6 are enough from a near one."""
 _RESTARTS: Final = 20
-"""Random starts for a pose that was not reached from the one near it."""
+"""Number of random starts for a pose that was not reached from a near start."""
 _SEED: Final = 1
 _STARTS: Final = 48
-"""Starts from which the solutions of a pose are looked for: arms of six joints have up to 16."""
+"""Number of starts in the search for all solutions of a pose; arms with six joints have up to 16."""
 SOLUTIONS_MAX: Final = 16
 _SAME: Final = 1e-4
-"""Distance of all joints, in mm and degrees, below which two solutions are one."""
+"""Largest difference of joints, in mm and degrees, of equal solutions."""
 
 
 ROWS: Final = {POSE: (0, 1, 2, 3, 4, 5), DIRECTION_TASK: (0, 1, 2, 3, 4), POSITION: (0, 1, 2)}
-"""The components of the tool's error that count, in its own frame: place, then turn."""
+"""Components of the tool's error for each task, in the tool's frame: position, then rotation."""
 
 
 class Found(NamedTuple):
-    """Joints of shape (n, joints) in mm and degrees, and how far from the poses the tool is there, of shape (n,)."""
+    """Joints of shape (n, joints) in mm and degrees, and distances of the tool from the poses, of shape (n,)."""
 
     joints: FloatArray
     off_mm: FloatArray
@@ -55,7 +56,7 @@ class Found(NamedTuple):
 
     @property
     def solved(self) -> BoolArray:
-        """Shape (n,): true where the joints have the pose."""
+        """Shape (n,), true where the joints are a solution of the pose."""
         return np.asarray((self.off_mm <= PLACE_OFF_MM) & (self.off_deg <= TURN_OFF_DEG))
 
 
@@ -65,11 +66,12 @@ class NumericInverse:
 
     Attributes:
         screws: the chain.
-        task: what its tool can be told.
+        task: task of its tool.
         free: columns of the joints that may move; the others stay at the start.
         slides: shape (joints,), true for joints in mm.
-        reach_mm: length that counts like 1 rad.
-        lower: shape (joints,), limits between which random starts are; likewise upper.
+        reach_mm: length that corresponds to 1 rad.
+        lower: shape (joints,), lower limits of random starts.
+        upper: shape (joints,), upper limits of random starts.
     """
 
     screws: Screws
@@ -81,7 +83,7 @@ class NumericInverse:
     upper: FloatArray
 
     def near(self, poses: FloatArray, start: FloatArray) -> Found:
-        """Return the joints to which each pose, of shape (n, task.width), leads from a start of shape (n, joints)."""
+        """Solve poses of shape (n, task.width), each from a start of shape (n, joints)."""
         joints = np.array(start, dtype=np.float64)
         place_mm, turn_deg = np.full(len(poses), np.inf), np.full(len(poses), np.inf)
         going = np.arange(len(poses))
@@ -100,9 +102,9 @@ class NumericInverse:
         return Found(joints, place_mm, turn_deg)
 
     def anywhere(self, poses: FloatArray, near: FloatArray) -> Found:
-        """Return joints as `near`, of shape (n, joints), within the limits if there are such.
+        """Solve poses from starts `near` of shape (n, joints); prefer solutions within the limits.
 
-        A pose that is not reached so is tried from random starts within the limits, which are always the same.
+        A pose that is not reached is tried again from random starts within the limits, which are always the same.
         """
         found = self.near(poses, near)
         rng = np.random.default_rng(_SEED)
@@ -124,18 +126,18 @@ class NumericInverse:
         return found
 
     def _within(self, found: Found) -> BoolArray:
-        """Return, of shape (n,), where joints have the pose and are in some turn within their limits."""
+        """Return, of shape (n,), where joints are a solution and, in some turn, within their limits."""
         above = found.joints - self.lower + LIMIT_TOLERANCE
         above = np.where(self.slides, above, above % 360.0)
         kept = (above >= 0.0) & (above <= self.upper - self.lower + 2.0 * LIMIT_TOLERANCE)
         return np.asarray(found.solved & kept[:, self.free].all(axis=1))
 
     def solutions(self, pose: FloatArray, near: FloatArray, known: FloatArray) -> FloatArray:
-        """Return solutions of a pose of shape (task.width,), shape (k, joints), in the order of their joints.
+        """Return solutions of a pose of shape (task.width,), shape (k, joints), sorted by their joints.
 
-        All differ from each other, and from the one that is `known`. They are those to which joints `near`, of shape
-        (joints,), and random starts within the limits lead; the starts are always the same. Of a pose that leaves
-        joints free these are not all.
+        All are different, and different from `known`. The search starts from `near`, of shape (joints,), and from
+        random joints within the limits, which are always the same. If the pose does not determine all joints, there are
+        further solutions.
         """
         starts = np.tile(near, (_STARTS, 1))
         random = np.random.default_rng(_SEED).uniform(self.lower, self.upper, starts.shape)
@@ -149,15 +151,15 @@ class NumericInverse:
         return np.array(kept[1 : 1 + SOLUTIONS_MAX]).reshape(-1, len(near))
 
     def _apart(self, joints: FloatArray, others: FloatArray) -> float:
-        """Return the largest difference of joints of shape (joints,), in mm and degrees, whatever their turns."""
+        """Return the largest difference of joints of shape (joints,), in mm and degrees, ignoring full turns."""
         apart = joints - others
         return float(np.abs(np.where(self.slides, apart, wrapped_deg(apart))).max())
 
     def jacobians(self, joints: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the tool's rotations, of shape (n, 4), and its Jacobians of shape (n, rows, free).
 
-        The rows that count for the task are in the tool's frame, in parts of the reach and rad; the columns per rad or
-        per reach of a slide.
+        The rows of the task are in the tool's frame, in fractions of the reach and rad; the columns are per rad, or per
+        reach for a slide.
         """
         tool, jacobians = self.screws.with_jacobian(joints)
         return tool[:, 3:], self._scaled(jacobians)
@@ -169,7 +171,7 @@ class NumericInverse:
         return np.asarray(chosen * np.where(self.slides, self.reach_mm, 1.0)[list(self.free)])
 
     def _errors(self, poses: FloatArray, joints: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the errors, of shape (n, rows), in parts of the reach and rad, and the Jacobians."""
+        """Return the errors, of shape (n, rows), in fractions of the reach and rad, and the Jacobians."""
         tool, jacobians = self.screws.with_jacobian(joints)
         back = reversed_rotation(tool[:, 3:])
         errors = [turned(poses[:, :3] - tool[:, :3], back) / self.reach_mm]
@@ -180,17 +182,17 @@ class NumericInverse:
             sine = np.linalg.norm(wanted[:, :2], axis=1)
             angle = np.arctan2(sine, wanted[:, 2])
             part = np.divide(angle, sine, out=np.ones_like(sine), where=sine > 0.0)
-            about_x = np.where(sine > 0.0, -wanted[:, 1] * part, angle)  # opposite: half a turn, about any axis
+            about_x = np.where(sine > 0.0, -wanted[:, 1] * part, angle)  # opposite: half a turn about any axis
             errors.append(np.column_stack([about_x, wanted[:, 0] * part]))
         return np.concatenate(errors, axis=1), self._scaled(jacobians)
 
 
 _MARGIN: Final = 1e-2
-"""Part of the tolerances at which a pose is not refined any more: Newton's last step is far below them."""
+"""Fraction of the tolerances at which the iteration ends: the last Newton step is far below them."""
 
 
 def _steps(errors: FloatArray, jacobians: FloatArray) -> FloatArray:
-    """Return the steps of the joints, of shape (n, free), in rad and parts of the reach, none larger than allowed."""
+    """Return the steps of the joints, of shape (n, free), in rad and fractions of the reach, limited in size."""
     transposed = np.swapaxes(jacobians, 1, 2)
     damping = DAMPING * np.linalg.norm(errors, axis=1)
     square = jacobians @ transposed
@@ -201,4 +203,4 @@ def _steps(errors: FloatArray, jacobians: FloatArray) -> FloatArray:
 
 
 _LEAST: Final = 1e-14
-"""Damping that is left at the solution, so that a singular arm has a step as well."""
+"""Least damping, so that a step also exists at a singularity."""

@@ -1,6 +1,8 @@
-"""Fixed transforms as rows of a DH table, so that a chain written with frames of any kind is one table.
+"""Convert fixed transforms to rows of a DH table, so that any chain of frames becomes one table.
 
-Every transform is two screws about z with one about x between them, which is about the common normal of both z axes:
+Every transform consists of two screws about z and one about x between them, which is about the common normal of both z
+axes:
+
 
     T = Rz(first) Tz(first) . Rx(alpha) Tx(a) . Rz(second) Tz(second)
 
@@ -18,14 +20,14 @@ from steptwin.host.robots.kinematics.dh import Convention, DhParameter, DhRow
 from steptwin.host.robots.poses.rotations import matrix, of_rpy_deg
 
 _PARALLEL: Final = 1e-9
-"""Sine of the angle between two axes below which they are parallel: their common normal is free."""
+"""Sine of the angle between two axes below which they count as parallel: their common normal is not unique."""
 _DECIMALS: Final = 12
-"""Decimals of a row's numbers: beyond them there is the dust of products only."""
+"""Decimals of a row's numbers; further ones are rounding errors."""
 
 
 @dataclass(frozen=True, slots=True)
 class FixedFrame:
-    """A fixed transform: a place in mm, and roll, pitch and yaw in degrees."""
+    """A fixed transform: position in mm, and roll, pitch and yaw in degrees."""
 
     xyz_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     rpy_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -52,7 +54,7 @@ class _Screws:
 
     @classmethod
     def of(cls, transform: FloatArray) -> "_Screws":
-        """Return the screws whose product a transform is."""
+        """Decompose a transform into screws."""
         turn, place = transform[:3, :3], transform[:3, 3]
         sine = float(np.hypot(turn[0, 2], turn[1, 2]))
         if sine < _PARALLEL:
@@ -74,8 +76,8 @@ class _Screws:
 def rows_around(fixed: Sequence[FloatArray], joints: Mapping[str, bool]) -> Iterator[DhRow]:
     """Yield the rows, in the modified convention, of joints along z with fixed transforms around them.
 
-    There is one transform more than joints; `joints` says by name whether one slides. Screws about the same axis make
-    one row; the first and the last row are left out if they change nothing.
+    There is one more transform than joints. `joints` tells by name whether a joint slides. Screws about the same axis
+    become one row; the first and the last row are omitted if they change nothing.
     """
     screws = [_Screws.of(transform) for transform in fixed]
     yield from _row(0.0, 0.0, screws[0].first_mm, screws[0].first_deg)

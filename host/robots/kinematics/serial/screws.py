@@ -1,10 +1,10 @@
-"""The forward kinematics of any chain of joints, and how each joint moves its tool, from the rows of a DH table.
+"""Forward kinematics and body Jacobian of any chain of joints, from the rows of a DH table.
 
-The product of the rows is multiplied out from the tool to the base, on columns of numbers instead of matrices: each row
-is a screw about z and one about x, and such a screw takes six products on a place and eight on a quaternion. Seen from
-the frame of a joint the tool is at p with the orientation q: the joint moves it by z x p and turns it about z. Turned
-into the tool's frame these are the columns of the body Jacobian (K. M. Lynch, F. C. Park, "Modern Robotics", section
-5.1.3), in mm and rad per rad, or in mm per mm.
+The rows are multiplied out from the tool to the base, with columns of numbers instead of matrices. Each row is a screw
+about z and one about x; a screw needs six products for a position and eight for a quaternion. In the frame of a joint
+the tool is at p with the orientation q: the joint moves it by z x p and turns it about z. Rotated into the tool's frame
+these are the columns of the body Jacobian (K. M. Lynch, F. C. Park, "Modern Robotics", section 5.1.3), in mm and rad
+per rad, or in mm per mm.
 """
 
 from collections.abc import Mapping
@@ -22,11 +22,11 @@ CHUNK: Final = 2048
 """Number of poses computed at once: their columns fit in the processor's cache."""
 
 Columns = tuple[FloatArray | float, ...]
-"""The components of vectors or quaternions, each of shape (n,), or a number where they are all equal."""
+"""Components of vectors or quaternions, each of shape (n,), or a number if all are equal."""
 
 
 class _Turn(NamedTuple):
-    """A screw about z, or about x if `along_x`; `joint` is the column that turns or shifts it, `sign` how it counts."""
+    """A screw about z, or about x if `along_x`; `joint` is the column of its joint, `sign` the joint's direction."""
 
     along_x: bool
     angle_rad: float
@@ -55,7 +55,7 @@ class Screws:
         return poses
 
     def with_jacobian(self, joints: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the poses as well, and the body Jacobians of shape (n, 6, joints)."""
+        """Return the poses, as `forward`, and the body Jacobians of shape (n, 6, joints)."""
         jacobians = np.zeros((self.joints, 6, len(joints)))
         place, rotation = self._product(np.ascontiguousarray(joints.T), jacobians)
         poses = np.stack(np.broadcast_arrays(*place, *rotation), axis=-1)
@@ -121,7 +121,7 @@ def _about_x(
 
 
 def _write_column(jacobian: FloatArray, turn: _Turn, place: Columns, rotation: Columns) -> None:
-    """Write what a joint does to the tool, in the tool's frame, into (6, n): its own frame is turned by `rotation`."""
+    """Write a joint's Jacobian column, shape (6, n), in the tool's frame; `rotation` is relative to the joint."""
     x, y, z, w = rotation
     towards_z = (2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y))
     if turn.slides:
@@ -138,7 +138,7 @@ def _write_column(jacobian: FloatArray, turn: _Turn, place: Columns, rotation: C
 
 @lru_cache(maxsize=16)
 def screws_of(table: DhTable, joints: tuple[str, ...]) -> Screws:
-    """Return the screws of a DH table whose variables are among the joints; the base's place is a part of them."""
+    """Return the screws of a DH table whose variables are among the joints, with the base's position."""
     base = table.base
     turns = [_Turn(False, radians(base.phi_deg), base.z_mm)]
     for row in table.rows:

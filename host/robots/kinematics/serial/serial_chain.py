@@ -1,6 +1,6 @@
-"""The kinematics of a chain of joints, with a numeric inverse; its parts to draw.
+"""The kinematics of a chain of joints, with a numeric inverse, and its parts to draw.
 
-A pose has the solution that is found from the joints near it, and those that other starts lead to.
+A pose has the solution that is found from near joints, and further ones from other starts.
 """
 
 from collections.abc import Mapping
@@ -31,13 +31,13 @@ from steptwin.host.robots.poses.rotations import reversed_rotation, turned, wrap
 from steptwin.host.robots.robot import Robot
 
 _HAND_PART: Final = 0.08
-"""Length drawn of the tool's z axis, as a part of the arm's size."""
+"""Drawn length of the tool's z axis, as a fraction of the arm's size."""
 
 
 def chain_parts(dh: DhTable, joints: Mapping[str, FloatArray], size_mm: float) -> tuple[ArmPart, ...]:
     """Return a part from each joint to the next, the tool's z axis, and the tool from the last joint to its tip.
 
-    `joints` are positions of shape (n,) by the names of the table's variables, along the chain.
+    `joints` are positions of shape (n,) by the names of the table's variables, in the order of the chain.
     """
     frames, names = dh.frames(joints), list(joints)
     corners = [frames[0][:, :3, 3]]
@@ -62,16 +62,16 @@ def _corners(convention: Convention, before: FloatArray, behind: FloatArray, a_m
 
 
 NEAREST: Final = "nearest"
-"""The one branch: the solution that is found from the joints near it."""
+"""Name of the branch: the solution found from near joints."""
 FURTHER: Final = "solution-{}"
-"""Names of its other solutions, which no path can ask for: their numbers change from pose to pose."""
+"""Names of further solutions. No path can use them, because their numbers change from pose to pose."""
 
 _ILL: Final = 1e-3
-"""Least ratio of the singular values of a Jacobian, below which a chain is near singular."""
+"""Ratio of a Jacobian's singular values below which a chain is near singular."""
 NEAR: Final = 0.1
-"""Measure below which a joint that is too fast is so because of a singularity."""
+"""Singularity measure below which a singularity is the reason of a joint that is too fast."""
 SINGULAR_DET: Final = 1e-9
-"""Determinant of a scaled Jacobian below which velocities are those of the least squares."""
+"""Determinant of a scaled Jacobian below which velocities are least-squares solutions."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,10 +79,10 @@ class SerialChain:
     """The kinematics of a chain; implements Kinematics.
 
     Attributes:
-        limits: the joints in axis order, whose limits decide only whether a pose is reachable.
-        dh: the chain as a DH table, with the joints' names as variables, and the base's place in the station.
-        task: what the tool can be told.
-        held: columns of the joints that stay where they are when the tool is told a pose.
+        limits: joints in axis order; their limits determine only whether a pose is reachable.
+        dh: the chain as a DH table, with the joints' names as variables, and the base's position in the station.
+        task: task of the tool.
+        held: columns of the joints that keep their positions when the tool is commanded to a pose.
     """
 
     limits: tuple[Joint, ...]
@@ -104,17 +104,17 @@ class SerialChain:
 
     @property
     def branches(self) -> tuple[str, ...]:
-        """The one branch, whatever the chain's shape."""
+        """The one branch `nearest`."""
         return (NEAREST,)
 
     @property
     def slides(self) -> tuple[tuple[int, int], ...]:
-        """No joint: one that is held does not shift the whole arm along its base."""
+        """No joint shifts the whole arm."""
         return ()
 
     @property
     def attitude_follows(self) -> bool:
-        """False: the task has no coordinate that follows from the others."""
+        """False: no coordinate of the task is determined by the others."""
         return False
 
     @property
@@ -129,15 +129,15 @@ class SerialChain:
 
     @property
     def keeps_branch(self) -> bool:
-        """False: on a path the branch may change where two meet."""
+        """False: on a path the branch may change at a point where two meet."""
         return False
 
     @property
     def inverse_words(self) -> str:
-        """How poses become joints, in a few words."""
+        """Description of the inverse method."""
         return "numeric, from the present joints"
 
-    # --- what follows from the table
+    # --- properties of the table
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -150,19 +150,19 @@ class SerialChain:
 
     @property
     def free(self) -> tuple[int, ...]:
-        """Columns of the joints that a pose decides."""
+        """Columns of the joints that a pose determines."""
         return tuple(column for column in range(len(self.limits)) if column not in self.held)
 
     @property
     def numeric(self) -> NumericInverse:
-        """The numeric inverse, which every chain has."""
+        """The numeric inverse of the chain."""
         lower, upper = (np.array([getattr(joint, end) for joint in self.limits]) for end in ("lower", "upper"))
         slides = np.array([joint.unit is Unit.MM for joint in self.limits])
         return NumericInverse(self._screws, self.task, self.free, slides, self.reach_mm, lower, upper)
 
     @property
     def reach_mm(self) -> float:
-        """A length of the arm's size: that of its rows together, at least 1 mm."""
+        """Size of the arm: sum of the lengths of its rows, at least 1 mm."""
         return max(1.0, sum(abs(row.a_mm) + abs(row.d_mm.constant) for row in self.dh.rows))
 
     # --- forward
@@ -176,7 +176,7 @@ class SerialChain:
         return self._told(self._screws.forward(joints))
 
     def _told(self, poses: FloatArray) -> FloatArray:
-        """Return what the task has of whole poses, of shape (n, 7)."""
+        """Return the task's coordinates of complete poses of shape (n, 7)."""
         if self.task is POSE:
             return poses
         if self.task is DIRECTION_TASK:
@@ -195,7 +195,7 @@ class SerialChain:
     # --- inverse
 
     def inverse(self, poses: FloatArray, near: FloatArray | None = None) -> tuple[Branch, ...]:
-        """Return the solutions that are found for poses of shape (n, task.width)."""
+        """Return the found solutions for poses of shape (n, task.width)."""
         standing = self.standing(poses, near)
         nearest = self.numeric.anywhere(poses, standing)
         return (self.found(NEAREST, nearest, near), *self._further(poses, standing, nearest.joints, near))
@@ -208,7 +208,7 @@ class SerialChain:
     def _further(
         self, poses: FloatArray, standing: FloatArray, nearest: FloatArray, near: FloatArray | None
     ) -> tuple[Branch, ...]:
-        """Return the solutions of poses beside the nearest ones, each of shape (n, joints)."""
+        """Return further solutions of poses, each of shape (n, joints)."""
         rows = [self.numeric.solutions(*each) for each in zip(poses, standing, nearest, strict=True)]
         joints = np.full((max(map(len, rows), default=0), *standing.shape), np.nan)
         for pose, solutions in enumerate(rows):
@@ -220,12 +220,12 @@ class SerialChain:
         )
 
     def standing(self, poses: FloatArray, near: FloatArray | None) -> FloatArray:
-        """Return the joints near the solutions, of shape (n, joints), by default 0."""
+        """Return the start joints of the search, of shape (n, joints): `near`, or 0."""
         shape = (len(poses), len(self.limits))
         return np.zeros(shape) if near is None else np.array(np.broadcast_to(near, shape), dtype=np.float64)
 
     def found(self, name: str, found: Found, near: FloatArray | None, reached: tuple[Constraint, ...] = ()) -> Branch:
-        """Return the branch of joints that were found numerically, with what else they must keep."""
+        """Return the branch of numerically found joints, with further constraints."""
         joints, rotary = found.joints.copy(), [joint.unit is Unit.DEG for joint in self.limits]
         turning = [column for column in self.free if rotary[column]]
         joints[:, turning] = wrapped_deg(joints[:, turning])
@@ -233,7 +233,7 @@ class SerialChain:
         return Branch(name, joints, (*reached, self.off(found)), joint_constraints(self.limits, joints))
 
     def off(self, found: Found) -> Constraint:
-        """Return the distance from the pose as a constraint."""
+        """Return the remaining distance from the pose as a constraint."""
 
         def explain(i: int) -> str:
             if found.solved[i] or not np.isfinite(found.off_mm[i]):
@@ -260,17 +260,17 @@ class SerialChain:
     # --- singularities and velocities
 
     def singularities(self, joints: FloatArray) -> tuple[Constraint, ...]:
-        """Return what must stay away from 0."""
+        """Return measures that must stay away from 0."""
         sizes = np.linalg.svd(self.numeric.jacobians(joints)[1], compute_uv=False)
         return (measure("near singular, least part of a tool's motion", sizes[:, -1] / sizes[:, 0], _ILL),)
 
     def near_what(self, joints: FloatArray) -> str:
-        """Return near which singularity joints of shape (joints,) are, in words; an empty text if near none."""
+        """Return the name of a singularity near joints of shape (joints,); an empty text if there is none."""
         ratio = self.singularities(joints[np.newaxis])[0].values[0]
         return "where the arm is near singular" if ratio < NEAR else ""
 
     def joint_velocities(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
-        """Return joint velocities for tool velocities of shape (n, task.rates), where singular by least squares."""
+        """Return joint velocities for tool velocities of shape (n, task.rates); least squares at a singularity."""
         numeric = self.numeric
         rotations, jacobians = numeric.jacobians(joints)
         back = reversed_rotation(rotations)
@@ -285,7 +285,7 @@ class SerialChain:
 
 
 def _solved_rates(jacobians: FloatArray, wanted: FloatArray) -> FloatArray:
-    """Return J^-1 v, of shape (n, free); the least squares for Jacobians that are singular or not square."""
+    """Return J^-1 v, of shape (n, free), or the least-squares solution for singular or non-square Jacobians."""
     count, rows, free = jacobians.shape
     rates = np.empty((count, free))
     regular: BoolArray = np.zeros(count, np.bool_)
@@ -300,5 +300,5 @@ def _solved_rates(jacobians: FloatArray, wanted: FloatArray) -> FloatArray:
 
 
 def measure(name: str, values: FloatArray, least: float) -> Constraint:
-    """Return a measure that must not be less than its least value."""
+    """Return the constraint that a measure is not less than `least`."""
     return Constraint(name, "", values, least, 1.0, values >= least)

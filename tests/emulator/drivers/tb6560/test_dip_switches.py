@@ -62,7 +62,7 @@ def test_full_steps_and_slow_decay_are_all_off() -> None:
 @pytest.mark.parametrize(("idle", "levels"), [(20, (1, 1)), (50, (1, 0))])
 def test_idle_torque(idle: int, levels: tuple[int, int]) -> None:
     """TQ2 alone, or both."""
-    standing = switches_for(3.0, 1, idle_percent=idle).standing
+    standing = switches_for(3.0, 1, idle_percent=idle).idle
     assert (standing["TQ2"], standing["TQ1"]) == levels
 
 

@@ -1,12 +1,12 @@
-"""Harms that no machine could have are refused."""
+"""Faults that no machine could have are refused."""
 
 from collections.abc import Callable
 
 import pytest
 
-from steptwin.features.faults.kinds.harm import Harm
-from steptwin.features.faults.kinds.limit_switches import StuckSwitch
+from steptwin.features.faults.fault import Fault
 from steptwin.features.faults.kinds.machine import BoardTemperature, Slip, Supply
+from steptwin.features.faults.kinds.wiring import StuckSwitch
 from steptwin.protocol.cia402 import DigitalInput
 from tests.messages import refusing
 
@@ -20,7 +20,7 @@ from tests.messages import refusing
     ],
 )
 def test_what_is_impossible_is_refused(
-    make: Callable[[int], Harm], valid: tuple[int, ...], invalid: tuple[int, ...]
+    make: Callable[[int], Fault], valid: tuple[int, ...], invalid: tuple[int, ...]
 ) -> None:
     for value in valid:
         make(value)

@@ -8,8 +8,8 @@ from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.drivers.driver_module import fitted
 from steptwin.emulator.drivers.limits import Rule
 from steptwin.emulator.simulation import Simulation
-from steptwin.features.faults.kinds.drivers import ShortCircuit
 from steptwin.features.faults.kinds.machine import BrownOut, Supply
+from steptwin.features.faults.kinds.wiring import ShortCircuit
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, State
 from steptwin.protocol.drivers import PROFILES
@@ -104,13 +104,13 @@ def test_a_tmc2209_is_free_when_its_enable_is_off_and_trips_again_while_it_lasts
     assert machine.rules == [Rule.OVER_CURRENT] * 2
 
 
-def test_surroundings_know_it_and_the_end_of_a_fault_repairs_it(fast_kernel: Kernel) -> None:
+def test_the_environment_knows_it_and_the_end_of_a_fault_repairs_it(fast_kernel: Kernel) -> None:
     machine = Machine(fast_kernel, "tmc2209", wired=True)
-    before = machine.board.surroundings
-    harm = ShortCircuit(0, shorted=True)
-    machine.simulation.operate(harm)
-    assert machine.board.surroundings.axes[0].shorted
-    assert harm.undo(before) == ShortCircuit(0, shorted=False)
+    before = machine.board.environment
+    fault = ShortCircuit(0, shorted=True)
+    machine.simulation.operate(fault)
+    assert machine.board.environment.axes[0].shorted
+    assert fault.undo(before) == ShortCircuit(0, shorted=False)
 
 
 @pytest.mark.parametrize(("supply_10mv", "rules"), [(5200, []), (5201, [Rule.OVER_VOLTAGE])])

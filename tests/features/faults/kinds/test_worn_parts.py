@@ -12,8 +12,14 @@ from steptwin.emulator.board.inputs import Bouncer
 from steptwin.emulator.drivers.driver_module import fitted
 from steptwin.emulator.drivers.limits import Rule
 from steptwin.emulator.world.switches import Switch
-from steptwin.features.faults.kinds.drivers import DriverMode, OscCapacitor
-from steptwin.features.faults.kinds.limit_switches import BouncingSwitch, Contact, StuckSwitch, SwitchWire
+from steptwin.features.faults.kinds.wiring import (
+    BouncingSwitch,
+    Contact,
+    DriverMode,
+    OscCapacitor,
+    StuckSwitch,
+    SwitchWire,
+)
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.drivers.tb6560 import THREE_AMP_MODULE

@@ -426,9 +426,9 @@ class TestALiveBoard:
 
     def test_takes_another_payload(self, fast_kernel: Kernel) -> None:
         board = LiveSession(fast_kernel, extras=TURNING, axes_per_board=(4, 2)).board
-        usual_kg = board.surroundings.payload_kg
+        usual_kg = board.environment.payload_kg
         board.operate(Payload(5.0))
-        assert usual_kg != board.surroundings.payload_kg == 5.0
+        assert usual_kg != board.environment.payload_kg == 5.0
         with refusing(InputError):
             LiveSession(fast_kernel).board.operate(Payload(5.0))
 

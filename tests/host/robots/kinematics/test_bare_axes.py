@@ -87,7 +87,7 @@ def test_a_run_has_a_verdict_without_errors_of_a_tool(tmp_path: Path, capsys: py
     header = (tmp_path / "out" / "trajectory.csv").read_text(encoding="utf-8").partition("\n")[0]
     assert header == "t,table,v_table,a_table"
     pictures = {path.stem for path in (tmp_path / "out").glob("*.png")}
-    assert pictures in ({"joints", "step-rates", "error", "timing"}, set())
+    assert pictures in ({"overview", "error"}, set())
 
 
 def test_names_of_the_tools_coordinates_are_taken() -> None:

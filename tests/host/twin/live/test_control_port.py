@@ -135,7 +135,7 @@ def test_the_command(served: ServedBoard, client: ControlClient, capsys: pytest.
         "bounce d1 + 5": "`bounce d1 + 0`",
         "bounce d1 + 0": "",
         "osc th2 1000": "`osc th2` with the capacitor of before",
-        "stranger 0x77E 05": "",
+        "rogue-node 0x77E 05": "",
         "babble 0x7FF data= 1000 1000000": "1000 s or `bus-ok`",
         "babble 0x7FF data= 1000 0": "",
         "loss records th2": "`bus-ok`",

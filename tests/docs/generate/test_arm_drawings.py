@@ -11,12 +11,8 @@ mpl = pytest.importorskip("matplotlib")
 
 from matplotlib.figure import Figure  # noqa: E402
 
-from steptwin.host.record.plots.in_space import (  # noqa: E402
-    HAND,
-    dimension_names,
-    draw_arm_in_space,
-    draw_link_frames,
-)
+from docs.generate.arm_drawings import dimension_names, draw_arm_in_space, draw_link_frames  # noqa: E402
+from steptwin.host.record.plots.in_space import HAND  # noqa: E402
 from steptwin.host.robots import load_robot, robot_names  # noqa: E402
 from steptwin.host.robots.kinematics import make_kinematics  # noqa: E402
 

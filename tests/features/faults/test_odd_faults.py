@@ -35,7 +35,7 @@ def test_a_fault_of_the_host_is_refused_by_a_sentence(board: BoardUnderTest) -> 
 
 
 @pytest.mark.slow
-def test_a_bus_that_a_stranger_fills_says_so(board: BoardUnderTest) -> None:
+def test_a_bus_that_a_rogue_node_fills_says_so(board: BoardUnderTest) -> None:
     board.operate(Babble(Frame(0x001, bytes(8)), 47, 1_000_000))
-    with pytest.raises(BusError, match=r"a stranger's frames 0x001 fill the bus"):
+    with pytest.raises(BusError, match=r"a rogue node's frames 0x001 fill the bus"):
         board.network.send_message(0x610, bytes.fromhex("4041600000000000"))

@@ -8,7 +8,7 @@ from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.bus.can_timing import frame_bits
 from steptwin.emulator.operations import Scheduled
 from steptwin.emulator.simulation import BusOverloadError, Simulation
-from steptwin.features.faults.kinds.bus import Babble, BusOff, BusRepair, StrangerSends
+from steptwin.features.faults.kinds.bus import Babble, BusOff, BusRepair, RogueFrame
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import AbortConnection, ErrorCode, State
 from steptwin.protocol.frame import COB_EMCY, COB_NMT, COB_SYNC, Frame
@@ -145,7 +145,7 @@ class TestSecondMaster:
 
     def test_stops_the_drive_by_a_controlword(self, rig: Rig) -> None:
         wait(rig.simulation, 10)
-        rig.simulation.operate(StrangerSends(Frame(0x200 + NODE, b"\x02\x00\x07")))
+        rig.simulation.operate(RogueFrame(Frame(0x200 + NODE, b"\x02\x00\x07")))
         wait(rig.simulation, 100)
         assert rig.state in (State.QUICK_STOP_ACTIVE, State.SWITCH_ON_DISABLED)
         assert 0 < rig.board.position_steps(0) < 40
@@ -153,9 +153,7 @@ class TestSecondMaster:
 
     def test_stops_the_node_by_nmt_and_its_motion_with_it_which_it_tells_later(self, rig: Rig) -> None:
         """A stopped node takes no records and sends no EMCY; it keeps what it has to tell until it is started."""
-        rig.simulation.schedule(
-            [Scheduled(rig.simulation.now_counts + 10 * MS, StrangerSends(Frame(COB_NMT, b"\2\0")))]
-        )
+        rig.simulation.schedule([Scheduled(rig.simulation.now_counts + 10 * MS, RogueFrame(Frame(COB_NMT, b"\2\0")))])
         wait(rig.simulation, 20)
         rig.simulation.send(record(1, 0))
         wait(rig.simulation, 100)
@@ -169,7 +167,7 @@ class TestSecondMaster:
     @pytest.mark.parametrize("frame", [Frame(COB_SYNC, b""), record(0, 64 * STEP // 2)])
     def test_may_repeat_a_sync_or_a_record(self, rig: Rig, frame: Frame) -> None:
         wait(rig.simulation, 10)
-        rig.simulation.operate(StrangerSends(frame))
+        rig.simulation.operate(RogueFrame(frame))
         rig.simulation.send(record(1, 0))
         wait(rig.simulation, 100)
         assert rig.state is State.OPERATION_ENABLED
@@ -179,7 +177,7 @@ class TestSecondMaster:
     def test_is_answered_on_the_identifier_that_the_host_reads_too(self, rig: Rig) -> None:
         heard: list[Frame] = []
         rig.simulation.host.receive = lambda frame, _: heard.append(frame)
-        rig.simulation.operate(StrangerSends(Frame(0x600 + NODE, bytes.fromhex("4000100000000000"))))
+        rig.simulation.operate(RogueFrame(Frame(0x600 + NODE, bytes.fromhex("4000100000000000"))))
         wait(rig.simulation, 5)
         assert [frame for frame in heard if frame.cob_id == 0x580 + NODE] == [
             Frame(0x580 + NODE, bytes.fromhex("4300100092010400"))
