@@ -79,9 +79,7 @@ def turns(axis: SeenAxis) -> float:
 LIFE = FigureLimit("wear", "turns, of those that a motor lasts", lambda robot, _: robot.sections["wear"].life_turns)
 FIGURES = {  # of each axis: for report.json, a column of the verdict and, with a limit, for campaigns
     "turns": ReportFigure(says="turns of the motor", of=turns, heading="turns", form="{:.3f}", limit=LIFE),
-    "life_percent": ReportFigure(
-        says="part of its life", of=lambda axis: 100.0 / axis.seen["life_turns"] * turns(axis)
-    ),
+    "life_percent": ReportFigure(says="life used", of=lambda axis: 100.0 / axis.seen["life_turns"] * turns(axis)),
 }
 
 
