@@ -264,7 +264,7 @@ class Feature:
     Attributes:
         name: name of the feature, of its table in robot files, of its key in report.json, of its file in run folders.
         needs: the features that it imports.
-        section: reads its table of a robot file.
+        section: returns the model of its table of a robot file: a `FileTable` that is a `RobotSection`.
         robot_tables: returns tables that belong to the file of a robot that StepTwin brings, by the robot's name.
         timer: returns what times motions as a whole: those with `law = "fastest"` or `blend_mm`.
         program_steps: returns what reads its steps of program files, by their verbs.
@@ -296,6 +296,7 @@ class Feature:
         drive_model: returns what it knows of drives, for planning; the first feature that has one is asked.
         requests: returns its requests of the control port.
         file_kinds: returns the kinds of its files for `steptwin check`.
+        schemas: returns what gives the model of each kind of its files, by the kind, for `steptwin schema`.
         run_options: returns a dataclass of options of `steptwin run`: a `RunHook`.
         verify_options: returns a dataclass of options of `steptwin verify`: an `OtherEvidence`.
         new_options: returns a dataclass of options of `steptwin new`: a `RobotSource`.
@@ -306,7 +307,7 @@ class Feature:
 
     name: str
     needs: Sequence[str] = ()
-    section: "Reading | None" = None
+    section: Callable[[], type[Any]] | None = None
     robot_tables: Callable[[str], str] | None = None
     timer: "Callable[[], MotionTimer] | None" = None
     program_steps: "Callable[[], Mapping[str, StepReading]] | None" = None
@@ -332,6 +333,7 @@ class Feature:
     drive_model: Callable[[], DriveModel] | None = None
     requests: Callable[[], ControlRequests] | None = None
     file_kinds: Callable[[], Sequence[FileKind]] | None = None
+    schemas: Callable[[], Mapping[str, Callable[[], type[Any]]]] | None = None
     run_options: Callable[[], type[Any]] | None = None
     verify_options: Callable[[], type[Any]] | None = None
     new_options: Callable[[], type[Any]] | None = None

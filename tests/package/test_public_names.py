@@ -24,7 +24,7 @@ from tests.package.wheels import ROOT
 pytestmark = pytest.mark.slow
 
 PAGE = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
-HEAVY = ["can", "canopen", "matplotlib", "numba", "numpy", "rich", "scipy", "typer"]
+HEAVY = ["can", "canopen", "matplotlib", "numba", "numpy", "pydantic", "rich", "scipy", "typer"]
 _SECTION = re.compile(r"^### `((\w+).*?)`\n(.*?)(?=^##|\Z)", flags=re.MULTILINE | re.DOTALL)
 SECTIONS = {name: (heading, text) for heading, name, text in _SECTION.findall(PAGE)}
 """Heading and text of each name's section."""

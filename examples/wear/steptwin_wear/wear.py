@@ -9,8 +9,8 @@ from steptwin.emulator.simulation import Simulation
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import RunDir
 from steptwin.host.cli.output import print_table
-from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import MachinePart
+from steptwin.host.common.file_models import FileTable, Positive
 from steptwin.host.common.tables import Table
 from steptwin.host.verify.figures import FigureLimit, ReportFigure, SeenAxis
 
@@ -18,20 +18,17 @@ EVERY_COUNTS, UNITS_PER_TURN = 72_000_000 // 100, 200 * 16_384  # a look each 10
 
 
 @dataclass(frozen=True)
-class WearSection:
-    """The section of robot files: how many turns of its motor an axis lasts."""
+class WearSection(FileTable):
+    """The wear of the motors.
 
-    life_turns: float
+    Attributes:
+        life_turns: turns of its motor that an axis lasts.
+    """
 
-    @classmethod
-    def read(cls, table: Table, key: str) -> "WearSection":
-        with table.section(key) as own:
-            own.check_keys(("life_turns",))
-            return cls(own.number("life_turns"))
+    life_turns: Positive
 
     def check(self, robot: Any) -> None:
-        if not self.life_turns > 0:
-            raise InputError(f"wear.life_turns: {self.life_turns:g} is not above 0")
+        pass  # it names nothing of the robot
 
 
 @dataclass
