@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from steptwin.features.panel.options import require_extra
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import PositionsFile, RobotFile, RobotName, RobotOptions, positions_path
 from steptwin.host.cli.live.connection import BoardAddress, Force, host_and_port
-from steptwin.host.cli.live.served_programs import require_extra
 from steptwin.host.cli.options import naming_options, option, switch
 from steptwin.host.cli.output import say, warn
 from steptwin.host.common.choices import EXAMPLE_PORT

@@ -11,17 +11,18 @@ from typing import Final
 _NAME: Final = "steptwin"
 
 
-def installing(*extras: str) -> str:
+def installing(*extras: str, make: str | None = None) -> str:
     """Return the command that installs extras where it is typed, such as `pip install 'steptwin[plot]'`.
 
-    In a checkout that is the checkout's own folder; of a package from a file or a repository it is that again.
+    In a checkout that is the checkout's own folder, and `make` a target of its Makefile that installs them, too. Of a
+    package from a file or a repository it is that again.
     """
     wanted = f"[{','.join(extras)}]"
     checkout = _checkout()
     if checkout is not None:
         here = Path.cwd() == checkout
         command = f"{_pip()} install -e '{'.' if here else checkout}{wanted}'"
-        return f"make panel, or {command}" if here and extras == ("panel",) else command
+        return f"make {make}, or {command}" if here and make else command
     source = _source()
     return f"{_pip()} install '{_NAME}{wanted}{f' @ {source}' if source else ''}'"
 

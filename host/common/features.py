@@ -284,6 +284,7 @@ class Feature:
         requests: returns its requests of the control port.
         file_kinds: returns the kinds of its files for `steptwin check`.
         run_options: returns a dataclass of options of `steptwin run`: a `RunHook`.
+        serve_options: returns a dataclass of options of `steptwin serve`: a `ServedProgram`.
         verify_options: returns a dataclass of options of `steptwin verify`: an `OtherEvidence`.
         new_options: returns a dataclass of options of `steptwin new`: a `RobotSource`.
         telling: returns what prints its keys of documents.
@@ -319,6 +320,7 @@ class Feature:
     requests: Callable[[], ControlRequests] | None = None
     file_kinds: Callable[[], Sequence[FileKind]] | None = None
     run_options: Callable[[], type[Any]] | None = None
+    serve_options: Callable[[], type[Any]] | None = None
     verify_options: Callable[[], type[Any]] | None = None
     new_options: Callable[[], type[Any]] | None = None
     telling: Callable[[], Telling] | None = None

@@ -1,4 +1,4 @@
-"""The arm's parts as lines in space: what pictures and the panel draw of a mechanism.
+"""The arm's parts as lines in space: what pictures draw of a mechanism.
 
 The column stands on the ground, at z = 0 or as far below it as the tool goes, or on the slides. Where slides are and
 how thick a machine is, no dimension says: the rail is drawn behind the arm.
