@@ -20,8 +20,8 @@ from steptwin.emulator.live import socketcand, tcp_server
 from steptwin.features.campaigns import results
 from steptwin.features.faults import reaction as reaction_times
 from steptwin.features.motors.turning import verdict
-from steptwin.features.panel.desk import jogs
-from steptwin.features.panel.desk import stops as shown
+from steptwin.features.panel.service import jogs
+from steptwin.features.panel.service import stops as shown
 from steptwin.features.panel.page import guard, server
 from steptwin.features.panel.page import plots_card as plot
 from steptwin.host.client import lease, links, shared_node, stream, waiting, waits

@@ -9,7 +9,7 @@ from typing import Any, Final, Literal, Protocol
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
-from steptwin.features.panel.desk.state import Snapshot
+from steptwin.features.panel.service.snapshots import Snapshot
 from steptwin.host.planning.jobs.options import OptionRange
 
 

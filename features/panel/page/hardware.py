@@ -11,10 +11,10 @@ from typing import Final, NamedTuple
 
 from nicegui import ui
 
-from steptwin.features.panel.desk.state import Snapshot
-from steptwin.features.panel.desk.words import told
 from steptwin.features.panel.page.elements import Chip, NumberField, Tone, cell, heading, line, note, plain, table
 from steptwin.features.panel.page.visitor import SHOWN, Visitor
+from steptwin.features.panel.service.messages import operator_message
+from steptwin.features.panel.service.snapshots import Snapshot
 from steptwin.host.client.control_client import ControlClient, ControlState
 from steptwin.host.common.choices import Stuck
 from steptwin.host.common.errors import BusError, InputError
@@ -122,9 +122,9 @@ class HardwareTab:
         visitor = self._visitor
 
         def allow() -> None:
-            visitor.desk.operators.require(visitor.tab)
-            if visitor.desk.snapshot.connected and not stops:
-                visitor.desk.require_shown(name, SHOWN.get())
+            visitor.service.operator.require(visitor.tab)
+            if visitor.service.snapshot.connected and not stops:
+                visitor.service.require_shown(name, SHOWN.get())
 
         if visitor.attempt(allow):
             await self._ask(request)
@@ -133,10 +133,10 @@ class HardwareTab:
         try:
             state = await asyncio.to_thread(request)
         except InputError as error:
-            self._visitor.tell(told(error))
+            self._visitor.tell(operator_message(error))
             return
         except BusError as error:
-            self._lost.set_text(f"The emulated machine does not answer: {told(error)}.")
+            self._lost.set_text(f"The emulated machine does not answer: {operator_message(error)}.")
             self._lost.set_visibility(True)
             return
         self._lost.set_visibility(False)
@@ -155,7 +155,7 @@ class HardwareTab:
 
     def _tables(self) -> tuple[tuple[str, str, str], ...]:
         """Return heading and columns of each table; drivers that the board sets have Protect pins."""
-        board = self._visitor.desk.robot.board
+        board = self._visitor.service.robot.board
         lines = "fault lines at the board" if board.profile.switched else "Protect pins"
         drivers = f"Drivers ({board.driver_profile or board.profile.chip.name}): {lines}"
         return (

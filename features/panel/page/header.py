@@ -6,11 +6,11 @@ from typing import Final
 
 from nicegui import ui
 
-from steptwin.features.panel.desk.commands import HomeAll, ResetFaults
-from steptwin.features.panel.desk.history import Event, Severity
-from steptwin.features.panel.desk.state import Activity, Snapshot
 from steptwin.features.panel.page.elements import Chip, Tone, card, choice, heading, icon_button, line, plain
 from steptwin.features.panel.page.visitor import SHOWN, Visitor
+from steptwin.features.panel.service.commands import HomeAll, ResetFaults
+from steptwin.features.panel.service.history import Event, Severity
+from steptwin.features.panel.service.snapshots import Activity, Snapshot
 from steptwin.host.client.words import STOP_PRESSED
 
 
@@ -23,10 +23,10 @@ class PageHead:
 
     def __init__(self, visitor: Visitor) -> None:
         self._visitor = visitor
-        desk = visitor.desk
+        service = visitor.service
         self.root: ui.header = ui.header().classes("panel-header")
         with self.root:
-            ui.label(desk.robot.name).classes("panel-title").props('role=heading aria-level="1"')
+            ui.label(service.robot.name).classes("panel-title").props('role=heading aria-level="1"')
             self._simulated = Chip("SIMULATED", "warn")
             ui.label("no connection to the panel").classes("chip bad no-panel")
             self._state = Chip()
@@ -36,13 +36,13 @@ class PageHead:
             self._activity.element.props["data-activity"] = ""
             ui.element("div").classes("panel-spring")
             with line("tight"):
-                self._pause = plain("Pause", lambda: visitor.attempt(lambda: desk.pause(visitor.name)), "pause")
+                self._pause = plain("Pause", lambda: visitor.attempt(lambda: service.pause(visitor.name)), "pause")
                 self._resume = plain("Resume", lambda: visitor.attempt(self._go_on), "play_arrow", moves=True)
                 halt = plain("Stop", None, "stop")  # the panel's script sends stops, in more ways than one
                 halt.props["data-stop"] = "stop"
             with line("tight said"):
                 self._operator = Chip()
-                self._take = plain("Operate", self._take_lease)
+                self._take = plain("Operate", self._operate)
                 self._give = plain("Give up", self._give_lease)
             theme = icon_button("contrast", "light or dark")
             theme.props["data-theme-switch"] = ""
@@ -76,18 +76,18 @@ class PageHead:
             self._operator.show("nobody operates")
         else:
             self._operator.show(f"{snapshot.operator} operates, you watch", "warn")
-        self._take.set_text("Operate" if snapshot.operator is None else "Take over")
-        self._take.set_visibility(not operates)
+        self._take.set_visibility(snapshot.operator is None)
         self._give.set_visibility(operates)
 
     def _go_on(self) -> None:
-        self._visitor.desk.resume(self._visitor.tab, SHOWN.get())
+        self._visitor.service.resume(self._visitor.tab, SHOWN.get())
 
-    def _take_lease(self) -> None:
-        self._visitor.desk.operators.take(self._visitor.tab, self._visitor.name, over=True)
+    def _operate(self) -> None:
+        visitor = self._visitor
+        visitor.attempt(lambda: visitor.service.operator.take(visitor.tab, visitor.name))
 
     def _give_lease(self) -> None:
-        self._visitor.desk.operators.give_up(self._visitor.tab)
+        self._visitor.service.operator.give_up(self._visitor.tab)
 
 
 def machine_state(snapshot: Snapshot) -> tuple[str, Tone]:
@@ -165,7 +165,7 @@ def obstacle(snapshot: Snapshot) -> tuple[str, Tone, str]:
     lost = [joint.name for joint in snapshot.joints if not joint.homed]
     if lost and snapshot.activity is None:
         return f"Not homed: {', '.join(lost)}. Until then these joints can only be jogged.", "warn", "home"
-    behind = _behind(snapshot.stood_percent or 0.0)
+    behind = _behind(snapshot.board.stood_percent or 0.0)
     return behind, "warn" if behind else "", ""
 
 
@@ -194,7 +194,7 @@ def sentence(text: str) -> str:
 
 
 _SHOWN: Final = 200
-"""Events that a page shows; the desk keeps more."""
+"""Events that a page shows; the service keeps more."""
 _FILTERS: Final = {"all": "all", "problems": "problems only"}
 
 
@@ -203,7 +203,7 @@ class EventLogView:
 
     def __init__(self, visitor: Visitor) -> None:
         self._visitor = visitor
-        self._log = visitor.desk.events
+        self._log = visitor.service.events
         self._told = max((event.number for event in self._log.since()), default=0)
         """Number of the last event that this browser need not be told of as a message."""
         self._faulty = False

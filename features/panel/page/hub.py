@@ -1,4 +1,4 @@
-"""The page of each browser, and the hub of all: one look at the desk a tick, and one message with it for everyone."""
+"""The page of each browser, and the hub of all: one look at the service a tick, and one message for everyone."""
 
 import asyncio
 import json
@@ -9,8 +9,6 @@ from typing import Any, Final, TypeVar
 import numpy as np
 from nicegui import Client, app, core, ui
 
-from steptwin.features.panel.desk.desk import Desk
-from steptwin.features.panel.desk.state import Snapshot
 from steptwin.features.panel.page.elements import View
 from steptwin.features.panel.page.hardware import HardwareTab
 from steptwin.features.panel.page.header import Banner, EventLogView, PageHead
@@ -22,6 +20,8 @@ from steptwin.features.panel.page.run import RunTab
 from steptwin.features.panel.page.scene import SceneCard, flat_lines
 from steptwin.features.panel.page.settings import SettingsTab
 from steptwin.features.panel.page.visitor import Answer, Visitor, apply_theme, note_shown, on_stop
+from steptwin.features.panel.service.service import MachineService
+from steptwin.features.panel.service.snapshots import Snapshot
 from steptwin.host.client.control_client import ControlClient
 from steptwin.host.common.arrays import FloatArray
 
@@ -54,7 +54,7 @@ class Page:
             await self._add(Banner(visitor))
         with self._root, ui.element("div").classes("panel-body"):
             with ui.element("div").classes("panel-left"):
-                self._scene = await self._add(SceneCard(visitor.desk.robot, visitor.desk.drawing))
+                self._scene = await self._add(SceneCard(visitor.service.robot, visitor.service.drawing))
                 self._plots = await self._add(PlotsCard(visitor))
             with ui.element("div").classes("panel-right"):
                 await self._add(Joints(visitor))
@@ -111,7 +111,7 @@ class Page:
         self._expect_from_now()  # what was missed is sent now
         self._scene.arrive()
         self._plots.fill()
-        operators = self.visitor.desk.operators
+        operators = self.visitor.service.operator
         if operators.holder is None:
             self.visitor.attempt(lambda: operators.take(self.visitor.tab, self.visitor.name))
 
@@ -152,9 +152,9 @@ def tick_of(snapshot: Snapshot) -> dict[str, Any]:
         "pose": None if pose is None else [round(figure, 3) for figure in pose.values()],
         "arm": _drawable(snapshot.links_mm),
         "tool": None if pose is None else [round(figure, 2) for figure in list(pose.values())[:3]],
-        "load": _rounded(snapshot.bus_load_percent),
+        "load": _rounded(snapshot.board.bus_load_percent),
         "fill": None if snapshot.queue_fill is None else round(100 * snapshot.queue_fill),
-        "late": _rounded(snapshot.late_ms),
+        "late": _rounded(snapshot.board.late_ms),
         "part": 0 if activity is None or activity.fraction is None else round(activity.fraction, 3),
     }
 
@@ -177,9 +177,9 @@ _ALIVE_S: Final = 0.1
 class Hub:
     """Makes a page for each browser and keeps all of them up to date."""
 
-    def __init__(self, desk: Desk, positions_file: str, control: ControlClient | None = None) -> None:
-        """Share a desk, the file of saved positions, and the control port of a served board."""
-        self._desk = desk
+    def __init__(self, service: MachineService, positions_file: str, control: ControlClient | None = None) -> None:
+        """Share a service, the file of saved positions, and the control port of a served board."""
+        self._service = service
         self._positions_file = positions_file
         self._control = control
         self._pages: dict[str, Page] = {}
@@ -189,26 +189,26 @@ class Hub:
         self._sent_s = 0.0
 
     def start(self) -> None:
-        """Follow the desk from now on; call this before the server runs."""
+        """Follow the service from now on; call this before the server runs."""
         app.timer(TICK_S, self.tick, immediate=False)
         note_shown()
         on_stop("emergency_stop", self._emergency_stop)
         on_stop("stop", self._stop)
 
     async def build(self) -> None:
-        """Make the page of the browser that asks for it; its tab is the desk's client, which outlives a reload."""
+        """Make the page of the browser that asks for it; its tab is the service's client, which outlives a reload."""
         client = ui.context.client
-        visitor = Visitor(self._desk, client)
+        visitor = Visitor(self._service, client)
         page = Page(visitor)
         await page.build(self._positions_file, self._control)
-        page.refresh(self._desk.snapshot)
+        page.refresh(self._service.snapshot)
         self._pages[client.id] = page
 
         def connected() -> None:
             visitor.tab = client.tab_id or client.id
             visitor.name = self._names.setdefault(visitor.tab, f"browser {len(self._names) + 1}")
             page.arrive(next((each for each in self._pages.values() if _is_older(each, page)), None))
-            page.refresh(self._desk.snapshot)
+            page.refresh(self._service.snapshot)
 
         client.on_connect(connected)
         client.on_delete(lambda: self._leave(client, visitor))
@@ -217,11 +217,11 @@ class Hub:
         """Let the tab go, unless another page of it is open, as after a reload."""
         self._pages.pop(client.id, None)
         if all(page.visitor.tab != visitor.tab for page in self._pages.values()):
-            self._desk.gone(visitor.tab)
+            self._service.gone(visitor.tab)
 
     async def tick(self) -> None:
         """Send the newest snapshot to all browsers, and let their views follow what has changed."""
-        snapshot = self._desk.snapshot
+        snapshot = self._service.snapshot
         now_s = time.monotonic()
         if snapshot.connected and snapshot.number != self._number:
             self._number, self._sent_s = snapshot.number, now_s
@@ -241,7 +241,7 @@ class Hub:
 
     def _changes(self, snapshot: Snapshot) -> Hashable:
         """Return all that views show beside the numbers of a tick; while it stays the same they need not look."""
-        activity, results = snapshot.activity, self._desk.results
+        activity, results = snapshot.activity, self._service.results
         return (
             (
                 snapshot.connected,
@@ -249,7 +249,7 @@ class Hub:
                 snapshot.simulated,
                 snapshot.emergency_stopped,
                 snapshot.pose is None,
-                round(snapshot.stood_percent or 0.0),
+                round(snapshot.board.stood_percent or 0.0),
                 None if snapshot.speed_percent is None else round(snapshot.speed_percent),
             ),
             tuple((joint.homed, joint.state, joint.error, joint.hindrance) for joint in snapshot.drives),
@@ -262,20 +262,20 @@ class Hub:
                 round(100 * (activity.fraction or 0)),
             ),
             (tuple(snapshot.inputs.items()), tuple(snapshot.outputs.items())),
-            self._desk.operators.holder,
-            self._desk.events.span,
+            self._service.operator.holder,
+            self._service.events.span,
             results and results[-1].number,
-            self._desk.settings,
-            self._desk.drawing.version,
+            self._service.settings,
+            self._service.drawing.version,
         )
 
     # --- stops, by any browser
 
     def _emergency_stop(self, page: str | None, press: str | None) -> Answer:
-        return {"told": self._desk.emergency_stop(self._name(page), press)}
+        return {"told": self._service.emergency_stop(self._name(page), press)}
 
     def _stop(self, page: str | None, press: str | None) -> Answer:
-        return {"told": self._desk.stop(self._name(page), press)}
+        return {"told": self._service.stop(self._name(page), press)}
 
     def _name(self, page: str | None) -> str:
         known = self._pages.get(page or "")

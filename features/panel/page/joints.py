@@ -9,10 +9,6 @@ from typing import Final
 
 from nicegui import events, ui
 
-from steptwin.features.panel.desk.commands import Disable, Enable, HomeAll, HomeJoint, StepJoint, StepTool, SwitchOutput
-from steptwin.features.panel.desk.jogs import Jog, JointJog, ToolJog
-from steptwin.features.panel.desk.state import JointView, Snapshot
-from steptwin.features.panel.desk.words import RefusedError
 from steptwin.features.panel.page.elements import (
     Chip,
     Tone,
@@ -29,6 +25,20 @@ from steptwin.features.panel.page.elements import (
     table,
 )
 from steptwin.features.panel.page.visitor import SHOWN, Visitor
+from steptwin.features.panel.service.commands import (
+    Disable,
+    Enable,
+    HomeAll,
+    HomeJoint,
+    Jog,
+    JointJog,
+    StepJoint,
+    StepTool,
+    SwitchOutput,
+    ToolJog,
+)
+from steptwin.features.panel.service.messages import RefusedError
+from steptwin.features.panel.service.snapshots import JointView, Snapshot
 from steptwin.host.client.words import state_words
 from steptwin.host.planning.tool_by_hand import StepFrame, tool_speed_max
 from steptwin.host.robots.kinematics import make_kinematics
@@ -39,7 +49,7 @@ class OutputsTab:
     """A row for each output and each input of the robot's file."""
 
     def __init__(self, visitor: Visitor) -> None:
-        robot = visitor.desk.robot
+        robot = visitor.service.robot
         heading("Outputs")
         self._outputs: dict[str, Chip] = {}
         self._inputs: dict[str, Chip] = {}
@@ -110,10 +120,10 @@ class Joints:
                     ("homed", ""),
                 ]
                 with table(headings):
-                    for i, joint in enumerate(visitor.desk.robot.axes):
+                    for i, joint in enumerate(visitor.service.robot.axes):
                         self._rows[joint.name] = _JointRow(visitor, i, joint.name, str(joint.unit))
             with ui.element("div").classes("pose"):
-                for i, (name, unit) in enumerate(make_kinematics(visitor.desk.robot).task.coordinates.items()):
+                for i, (name, unit) in enumerate(make_kinematics(visitor.service.robot).task.coordinates.items()):
                     with ui.element("div"):
                         of_tool = "" if name in _TURNS else "tool "
                         ui.label(f"{of_tool}{name}, {unit}".rstrip(", ")).classes("muted small")
@@ -143,7 +153,7 @@ class _JointRow:
                 self._state = Chip()
             with cell(), line("tight nowrap"):
                 self._homed = Chip()
-                if name in visitor.desk.robot.joint_names:
+                if name in visitor.service.robot.joint_names:
                     home = plain("Home", lambda: visitor.ask(HomeJoint(joint=name)), label=f"home {name}", moves=True)
                     home.classes("small-button")
 
@@ -173,7 +183,7 @@ class JogTab:
 
     def __init__(self, visitor: Visitor) -> None:
         self._visitor = visitor
-        task = make_kinematics(visitor.desk.robot).task
+        task = make_kinematics(visitor.service.robot).task
         self._tool_steps = task.steps
         self._frame = StepFrame.WORLD
         self._percent = 20
@@ -190,7 +200,7 @@ class JogTab:
         with ui.element("div").classes("jog-sides"):
             with stack("tight"):
                 heading("Joints")
-                for i, joint in enumerate(visitor.desk.robot.joints):
+                for i, joint in enumerate(visitor.service.robot.joints):
                     self._row(joint.name, str(joint.unit), f"q{i}")
             with stack("tight") as tool:
                 with line("between"):
@@ -248,14 +258,14 @@ class JogTab:
         if self._step == HOLD:
             return  # the script has told of the press and of its end
         distance = sign * float(self._step)
-        if name in self._visitor.desk.robot.joint_names:
+        if name in self._visitor.service.robot.joint_names:
             self._visitor.ask(StepJoint(joint=name, distance=distance, speed_percent=self._percent))
         else:
             self._visitor.ask(StepTool({name: distance}, self._percent, self._frame))
 
     def _jog(self, name: str, sign: float) -> Jog:
         part = (1 if sign > 0 else -1) * self._percent / 100
-        robot = self._visitor.desk.robot
+        robot = self._visitor.service.robot
         if name in robot.joint_names:
             return JointJog(name, part * robot.joint(name).speed_max)
         return ToolJog(name, part * tool_speed_max(name), self._frame)
@@ -267,10 +277,10 @@ class JogTab:
                 pass
             case _:
                 return
-        if name not in (*self._visitor.desk.robot.joint_names, *self._tool_steps):
+        if name not in (*self._visitor.service.robot.joint_names, *self._tool_steps):
             return
         try:
-            self._visitor.desk.beat(self._visitor.tab, press, self._jog(name, sign), SHOWN.get())
+            self._visitor.service.beat(self._visitor.tab, press, self._jog(name, sign), SHOWN.get())
         except RefusedError as error:
             self._tell_once(press, str(error))
 
@@ -283,4 +293,4 @@ class JogTab:
     def _release(self, event: events.GenericEventArguments) -> None:
         match event.args:
             case {"press": int(press)}:
-                self._tell_once(press, self._visitor.desk.release(self._visitor.tab, press))
+                self._tell_once(press, self._visitor.service.release(self._visitor.tab, press))

@@ -9,10 +9,6 @@ from typing import Final
 import numpy as np
 from nicegui import ui
 
-from steptwin.features.panel.desk.commands import DeclareHere, MoveJoints, MoveTool
-from steptwin.features.panel.desk.requests import Command
-from steptwin.features.panel.desk.state import Snapshot
-from steptwin.features.panel.desk.words import STANDS_THERE
 from steptwin.features.panel.page.elements import (
     Form,
     FormField,
@@ -30,6 +26,9 @@ from steptwin.features.panel.page.elements import (
 )
 from steptwin.features.panel.page.scene import ArmScene, links_at
 from steptwin.features.panel.page.visitor import Visitor
+from steptwin.features.panel.service.commands import Command, DeclareHere, MoveJoints, MoveTool
+from steptwin.features.panel.service.messages import DECLARE_POSITION
+from steptwin.features.panel.service.snapshots import Snapshot
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs.options import OptionRange
 from steptwin.host.planning.programs.positions import (
@@ -67,7 +66,7 @@ class SavedPositions:
         positions: Mapping[str, Position] = {}
         with self._visitor.explained():
             if Path(self._path).exists():
-                positions = read_positions(self._path, self._visitor.desk.robot)
+                positions = read_positions(self._path, self._visitor.service.robot)
         with self._list:
             if not positions:
                 note("No position is saved yet.")
@@ -87,30 +86,30 @@ class SavedPositions:
                 plain("Delete", lambda: self._delete(name), label=f"delete {name}")
 
     def _show_ghost(self, position: Position) -> None:
-        joints = self._visitor.desk.snapshot.joints
+        joints = self._visitor.service.snapshot.joints
         if isinstance(position, JointPosition) and joints:
             goal = [position.joints.get(joint.name, joint.position) for joint in joints]
-            self._scene.show_arm("ghost", links_at(self._visitor.desk.robot, goal))
+            self._scene.show_arm("ghost", links_at(self._visitor.service.robot, goal))
 
     def _save(self) -> None:
         name = str(self._name.value or "").strip()
-        snapshot = self._visitor.desk.snapshot
+        snapshot = self._visitor.service.snapshot
         with self._visitor.explained() as failed:
             if not snapshot.connected:
                 raise InputError("nothing to save: the machine is not connected")
             if not snapshot.homed:
                 raise InputError("nothing to save: not every joint is homed")
-            if Path(self._path).exists() and name in read_positions(self._path, self._visitor.desk.robot):
+            if Path(self._path).exists() and name in read_positions(self._path, self._visitor.service.robot):
                 raise InputError(f"{name} is saved already: delete it first")
             joints = [joint.position for joint in snapshot.joints]
-            save_position(self._path, self._visitor.desk.robot, name, joints, "", replace=False)
+            save_position(self._path, self._visitor.service.robot, name, joints, "", replace=False)
         if not failed:
             self._name.set_value("")
             self._visitor.tell(f"{name} is saved", "good")
         self.show()
 
     def _delete(self, name: str) -> None:
-        self._visitor.attempt(lambda: delete_position(self._path, self._visitor.desk.robot, name))
+        self._visitor.attempt(lambda: delete_position(self._path, self._visitor.service.robot, name))
         self.show()
 
 
@@ -141,7 +140,7 @@ class MoveTab:
     def __init__(self, visitor: Visitor, scene: ArmScene, positions_file: str) -> None:
         self._visitor, self._scene = visitor, scene
         with line("between"):
-            has_tool = make_kinematics(visitor.desk.robot).task.width > 0
+            has_tool = make_kinematics(visitor.service.robot).task.width > 0
             kinds = {name: title for name, title in _KINDS.items() if has_tool or name != "tool"}
             choice("kind of move", kinds, "joints", self._choose)
             self._speed = make_input(FormField("speed", "speed", 30.0, OptionRange(1.0, 100.0, "%"))).classes(
@@ -179,7 +178,7 @@ class JointsForm:
     def __init__(self, visitor: Visitor, scene: ArmScene, go: Go) -> None:
         self._visitor, self._scene, self._go = visitor, scene, go
         self._filled = self._known = False
-        robot = visitor.desk.robot
+        robot = visitor.service.robot
         self._kinematics = make_kinematics(robot)
         self.root: ui.element = stack()
         with self.root:
@@ -189,7 +188,7 @@ class JointsForm:
             self._tool = note("")
             with line():
                 self.button: ui.button = act("Move", self._move, "arrow_forward", moves=True)
-                plain(STANDS_THERE, self._declare, "push_pin", moves=True).tooltip(_DECLARE)
+                plain(DECLARE_POSITION, self._declare, "push_pin", moves=True).tooltip(_DECLARE)
                 plain("Fill in present position", self.fill)
                 home = dict(zip(robot.joint_names, robot.home, strict=True))
                 plain("Home position", lambda: self._form.fill(home))
@@ -203,7 +202,7 @@ class JointsForm:
 
     def fill(self) -> None:
         """Show where the machine stands; nothing for a joint whose position is unknown."""
-        joints = self._visitor.desk.snapshot.joints
+        joints = self._visitor.service.snapshot.joints
         self._filled = bool(joints)
         self._form.fill({joint.name: round(joint.position, 3) if joint.homed else None for joint in joints})
         self._scene.clear_shape("ghost")
@@ -218,7 +217,7 @@ class JointsForm:
         if goal is None:
             self._scene.clear_shape("ghost")
         else:
-            self._scene.show_arm("ghost", links_at(self._visitor.desk.robot, list(goal.values())))
+            self._scene.show_arm("ghost", links_at(self._visitor.service.robot, list(goal.values())))
 
     def _tool_words(self, goal: Mapping[str, float]) -> str:
         """Return where the tool is at a joint position, in its coordinates."""
@@ -239,7 +238,7 @@ class JointsForm:
     def _move(self) -> None:
         goal = self._goal()
         if goal is None:
-            homed = self._visitor.desk.snapshot.homed
+            homed = self._visitor.service.snapshot.homed
             self._visitor.tell((self._form.wrong() if homed else None) or _UNKNOWN)
         else:
             self._go(lambda percent: MoveJoints(joints=goal, speed_percent=percent))
@@ -260,7 +259,7 @@ class ToolForm:
 
     def __init__(self, visitor: Visitor, scene: ArmScene, go: Go) -> None:
         self._visitor, self._scene, self._go = visitor, scene, go
-        self._kinematics = make_kinematics(visitor.desk.robot)
+        self._kinematics = make_kinematics(visitor.service.robot)
         self._filled = False
         self._branch: str | None = None
         self._task = self._kinematics.task
@@ -308,7 +307,7 @@ class ToolForm:
 
     def fill(self) -> None:
         """Show where the tool is; nothing while that is unknown, and for a machine without one."""
-        pose = self._visitor.desk.snapshot.pose
+        pose = self._visitor.service.snapshot.pose
         if not pose:
             return
         self._filled = True
@@ -357,8 +356,8 @@ class ToolForm:
         pose = self._pose()
         branches: tuple[Branch, ...] = ()
         if isinstance(pose, tuple):
-            standing = [joint.position for joint in self._visitor.desk.snapshot.joints] or list(
-                self._visitor.desk.robot.home
+            standing = [joint.position for joint in self._visitor.service.snapshot.joints] or list(
+                self._visitor.service.robot.home
             )
             branches = self._kinematics.inverse(np.array([pose]), np.array(standing))
         names = [branch.name for branch in branches if branch.reachable[0]]
@@ -371,7 +370,7 @@ class ToolForm:
                 self._branch_row(branch)
 
     def _branch_row(self, branch: Branch) -> None:
-        reason, robot = branch.reason(0), self._visitor.desk.robot
+        reason, robot = branch.reason(0), self._visitor.service.robot
         chosen = reason is None and branch.name == self._branch
         with ui.element("div").classes("branch" if reason is None else "branch off") as row:
             mark = ui.icon("radio_button_checked" if chosen else "radio_button_unchecked")

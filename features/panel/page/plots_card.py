@@ -13,10 +13,10 @@ import nicegui
 import numpy as np
 from nicegui import ui
 
-from steptwin.features.panel.desk.history import HistorySamples
-from steptwin.features.panel.desk.state import Snapshot
 from steptwin.features.panel.page.elements import card, choice, icon_button, line, live, plain
 from steptwin.features.panel.page.visitor import Visitor
+from steptwin.features.panel.service.history import HistorySamples
+from steptwin.features.panel.service.snapshots import Snapshot
 from steptwin.host.robots.joint import Joint
 
 WINDOW_S: Final = 20.0
@@ -65,7 +65,7 @@ class PlotsCard:
                 with line("tight"):
                     self._freeze = plain("Freeze", self._toggle, "pause")
                     icon_button("download", "save the last minutes as CSV", self._export)
-            self._plot = LivePlot(visitor.desk.robot.joints)
+            self._plot = LivePlot(visitor.service.robot.joints)
             with line("small muted"):
                 for key, text in (("load", "bus load, %"), ("fill", "motion queue, %"), ("late", "board late, ms")):
                     with line("tight"):
@@ -77,7 +77,7 @@ class PlotsCard:
 
     def fill(self) -> None:
         """Show the last seconds at once, in a browser that has just opened the page."""
-        samples = self._visitor.desk.history.since(time.monotonic() - WINDOW_S)
+        samples = self._visitor.service.history.since(time.monotonic() - WINDOW_S)
         self._plot.fill(rows_of(samples))
 
     def _show(self, quantity: Quantity) -> None:
@@ -90,7 +90,7 @@ class PlotsCard:
         self._plot.freeze(self._frozen)
 
     async def _export(self) -> None:
-        robot, history = self._visitor.desk.robot, self._visitor.desk.history
+        robot, history = self._visitor.service.robot, self._visitor.service.history
         joints = [(joint.name, str(joint.unit)) for joint in robot.joints]
         text = await asyncio.to_thread(lambda: csv_of(history.since(), joints))  # others' beats would have to wait
         ui.download.content(text.encode(), f"{robot.name}-history.csv", "text/csv")

@@ -6,10 +6,10 @@ from typing import Any, Final
 import numpy as np
 from nicegui import ui
 
-from steptwin.features.panel.desk.results import Result
-from steptwin.features.panel.desk.state import Snapshot
 from steptwin.features.panel.page.elements import Chip, cell, heading, line, note, plain, table
 from steptwin.features.panel.page.visitor import Visitor
+from steptwin.features.panel.service.results import Result
+from steptwin.features.panel.service.snapshots import Snapshot
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.operate.running import LiveOutcome
 from steptwin.host.robots.robot import Robot
@@ -38,7 +38,7 @@ class ResultTab:
 
     def refresh(self, _snapshot: Snapshot) -> None:
         """Show a run when it has ended."""
-        results = self._visitor.desk.results
+        results = self._visitor.service.results
         newest = results[-1].number if results else 0
         if newest != self._newest:
             self._newest = newest

@@ -9,9 +9,6 @@ from typing import Any, Final
 from nicegui import events, ui
 from nicegui.elements.mixins.value_element import ValueElement
 
-from steptwin.features.panel.desk.commands import RunMotion
-from steptwin.features.panel.desk.state import Snapshot
-from steptwin.features.panel.desk.words import AS_SLOW_AS_NEEDED, MOVE_TO_START
 from steptwin.features.panel.page.elements import (
     Chip,
     Form,
@@ -40,6 +37,9 @@ from steptwin.features.panel.page.motions import (
 from steptwin.features.panel.page.scene import ArmScene, links_at
 from steptwin.features.panel.page.uploads import companions, to_run
 from steptwin.features.panel.page.visitor import SHOWN, Visitor
+from steptwin.features.panel.service.commands import RunMotion
+from steptwin.features.panel.service.messages import AS_SLOW_AS_NEEDED, MOVE_TO_START
+from steptwin.features.panel.service.snapshots import Snapshot
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.jobs import job_fields, job_names, job_summary
 from steptwin.host.planning.jobs.options import OptionField, OptionRange
@@ -185,7 +185,7 @@ class RunTab:
         self._shown: Preview | None = None
         self._planning: asyncio.Task[Planned] | None = None
         visitor.page.on_delete(self._end_planning)
-        jobs = job_names(visitor.desk.robot)
+        jobs = job_names(visitor.service.robot)
         self._form: Form | None = None
         with line("top"):
             titles = {name: name for name in jobs} | {_FILE: _FILE}
@@ -227,7 +227,7 @@ class RunTab:
 
         def change() -> None:
             visitor = self._visitor
-            visitor.attempt(lambda: visitor.desk.change_speed(visitor.tab, percent, SHOWN.get()))
+            visitor.attempt(lambda: visitor.service.change_speed(visitor.tab, percent, SHOWN.get()))
 
         return plain(f"{percent} %", change, label=f"{percent} % of the planned speed", moves=True)
 
@@ -265,7 +265,7 @@ class RunTab:
                     "A trajectory in CSV, JSON or YAML, G-code, or a program in TOML, with its files."
                 )
             else:
-                robot = self._visitor.desk.robot
+                robot = self._visitor.service.robot
                 self._summary.set_text(job_summary(robot, name))
                 self._form = Form(map(_form_field, job_fields(robot, name)), self._outdate)
 
@@ -321,11 +321,11 @@ class RunTab:
             show_figures(preview.plan)
             if preview.doubted:
                 note(f"Look again: {preview.doubted}", "warn")
-        self.refresh(self._visitor.desk.snapshot)
+        self.refresh(self._visitor.service.snapshot)
 
     def _show_path(self, path: FloatArray | None) -> None:
         """Show a path, or none: the operator's in every browser, one that a watcher looks at in its own alone."""
-        drawing = self._visitor.desk.drawing
+        drawing = self._visitor.service.drawing
         if not self._visitor.operates:
             self._scene.show_line("plan", drawing.path_mm if path is None else path)
         elif path is None:
@@ -338,7 +338,7 @@ class RunTab:
 
         If something is missing or wrong there is no function, but a message.
         """
-        robot, name = self._visitor.desk.robot, str(self._choice.value)
+        robot, name = self._visitor.service.robot, str(self._choice.value)
         stretch = None if self._pace.value == "auto" else float(self._pace.value)
         upload, form = self._upload.file, self._form
         if form is None:
@@ -364,7 +364,7 @@ class RunTab:
         if self._visitor.ask(RunMotion(shown.plan, shown.name, repeat, approach)):
             shown.ran = True
             self._show_path(shown.path_mm)
-            self._visitor.desk.drawing.clear_trace()
+            self._visitor.service.drawing.clear_trace()
             self._scene.clear_shape("ghost")
 
 

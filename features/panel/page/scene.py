@@ -12,9 +12,9 @@ import nicegui
 import numpy as np
 from nicegui import ui
 
-from steptwin.features.panel.desk.history import Drawing
-from steptwin.features.panel.desk.state import Snapshot
 from steptwin.features.panel.page.elements import card, icon_button, line, plain
+from steptwin.features.panel.service.history import Drawing
+from steptwin.features.panel.service.snapshots import Snapshot
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.box import Box
 from steptwin.host.robots.kinematics import make_kinematics
@@ -166,7 +166,7 @@ _LEGEND: Final = (("--plan", "planned path"), ("--trace", "where the tool was"),
 
 
 class SceneCard:
-    """The card; it draws the desk's path and trace, the same in every browser and after a reload.
+    """The card; it draws the service's path and trace, the same in every browser and after a reload.
 
     Attributes:
         scene: the view in it.

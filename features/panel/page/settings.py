@@ -2,11 +2,11 @@
 
 from nicegui import ui
 
-from steptwin.features.panel.desk.commands import WriteSettings
-from steptwin.features.panel.desk.settings import Setting
-from steptwin.features.panel.desk.state import Snapshot
 from steptwin.features.panel.page.elements import Form, FormField, act, heading, line, note, plain
 from steptwin.features.panel.page.visitor import Visitor
+from steptwin.features.panel.service.commands import WriteSettings
+from steptwin.features.panel.service.settings import Setting
+from steptwin.features.panel.service.snapshots import Snapshot
 from steptwin.host.planning.jobs.options import OptionRange
 
 
@@ -21,14 +21,14 @@ class SettingsTab:
         with line():
             self._save = act("Write what has changed", self._write, "save", moves=True)
             self._save.set_enabled(False)
-            plain("Show the present values", lambda: self._show(visitor.desk.settings))
+            plain("Show the present values", lambda: self._show(visitor.service.settings))
         note("A setting with * is kept by the board; the others hold for this panel until it ends.")
-        lengths = ", ".join(f"{name} {_figure(value)}" for name, value in visitor.desk.robot.geometry.items())
+        lengths = ", ".join(f"{name} {_figure(value)}" for name, value in visitor.service.robot.geometry.items())
         note(f"Dimensions, which only the robot's file sets: {lengths}.")
 
     def refresh(self, _snapshot: Snapshot) -> None:
         """Show the settings when they were read or written."""
-        settings = self._visitor.desk.settings
+        settings = self._visitor.service.settings
         if settings != self._shown:
             self._show(settings)
 

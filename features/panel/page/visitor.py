@@ -1,4 +1,4 @@
-"""A browser that shows the page: who it is at the desk, what it is told, and what its web socket carries.
+"""A browser that shows the page: who it is at the service, what it is told, and what its web socket carries.
 
 Beside NiceGUI's own messages the socket carries emergency stops. And the page's script adds the number of the newest
 state that it had shown to each event that it sends (`shown`): an event that was held up keeps that of its click.
@@ -17,10 +17,10 @@ from nicegui import Client, app, core, ui
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
-from steptwin.features.panel.desk.desk import Desk
-from steptwin.features.panel.desk.requests import Command
-from steptwin.features.panel.desk.words import RefusedError, told
 from steptwin.features.panel.page.elements import Tone
+from steptwin.features.panel.service.commands import Command
+from steptwin.features.panel.service.messages import RefusedError, operator_message
+from steptwin.features.panel.service.service import MachineService
 from steptwin.host.common.errors import StepTwinError
 
 _STATIC: Final = Path(__file__).parent / "static"
@@ -67,13 +67,13 @@ class Visitor:
     """A browser's tab.
 
     Attributes:
-        desk: the desk that it watches.
+        service: the service that it watches.
         page: the page that NiceGUI made for it.
         name: name by which others know it.
         tab: identity of the tab, which outlives a reload; the page's own until the tab has connected.
     """
 
-    desk: Desk
+    service: MachineService
     page: Client
     name: str = "a new browser"
     tab: str = ""
@@ -86,14 +86,14 @@ class Visitor:
     @property
     def operates(self) -> bool:
         """True if this tab may move the machine."""
-        return self.desk.operators.is_operator(self.tab)
+        return self.service.operator.is_operator(self.tab)
 
     def ask(self, command: Command) -> bool:
-        """Ask the desk for something; say why not, if it refuses. Return whether it has agreed."""
-        return self.attempt(lambda: self.desk.ask(self.tab, command, SHOWN.get()))
+        """Ask the service for something; say why not, if it refuses. Return whether it has agreed."""
+        return self.attempt(lambda: self.service.ask(self.tab, command, SHOWN.get()))
 
     def attempt(self, action: Callable[[], object]) -> bool:
-        """Do something that the desk may refuse or that bad input ends, and say why; return whether it was done."""
+        """Do something that the service may refuse or that bad input ends, and say why; return whether it was done."""
         with self.explained() as outcome:
             action()
         return not outcome
@@ -105,10 +105,10 @@ class Visitor:
         try:
             yield texts
         except RefusedError as error:
-            self.desk.events.warning(f"refused to {self.name}: {error}")
+            self.service.events.warning(f"refused to {self.name}: {error}")
             texts.append(str(error))
         except StepTwinError as error:
-            texts.append(told(error))
+            texts.append(operator_message(error))
         except OSError as error:
             texts.append(f"{error.filename or 'file'}: {error.strerror}")
         for text in texts if message else ():
