@@ -20,8 +20,7 @@ from steptwin.emulator.live import socketcand, tcp_server
 from steptwin.features.campaigns import results
 from steptwin.features.faults import reaction as reaction_times
 from steptwin.features.motors.turning import verdict
-from steptwin.features.panel.service import jogs
-from steptwin.features.panel.service import stops as shown
+from steptwin.features.panel.service import guards
 from steptwin.features.panel.page import guard, server
 from steptwin.features.panel.page import plots_card as plot
 from steptwin.host.client import lease, links, shared_node, stream, waiting, waits
@@ -56,8 +55,8 @@ class Promise:
 
 PROMISES = [
     # --- the panel
-    Promise("docs/panel.md", "moves the machine for 250 ms after its last sign of life", jogs.LEASE_S, 0.25),
-    Promise("docs/panel.md", "if that state is more than a second old", shown.AGE_MAX_S, 1.0),
+    Promise("docs/panel.md", "moves the machine for 250 ms after its last sign of life", guards.LEASE_S, 0.25),
+    Promise("docs/panel.md", "if that state is more than a second old", guards.AGE_MAX_S, 1.0),
     Promise("docs/panel.md", "position, speed and following error of the last 20 s", plot.WINDOW_S, 20.0),
     Promise("docs/panel.md", "A browser that is gone loses its place after 20 s", server._RECONNECT_S, 20.0),
     Promise("docs/panel.md", "or a program, of at most 10 MB", guard.BODY_BYTES_MAX, 10_000_000),

@@ -229,7 +229,7 @@ class Guard:
         refusal = self._foreign(headers)
         if refusal:
             await _refuse(scope, receive, send, 403, refusal)
-        elif self._brings_token(scope):
+        elif scope["type"] == "http" and self._is_token(_query(scope).get(TOKEN, "")):
             await _answer(send, 303, "", [(b"location", _without_token(scope)), (b"set-cookie", self._cookie())])
         elif not self._knows(headers):
             await _refuse(scope, receive, send, 403, "open the address that was printed when the panel was started")
@@ -274,10 +274,6 @@ class Guard:
         if origin is not None and origin.lower() not in (f"http://{host.lower()}", f"https://{host.lower()}"):
             return "the request comes from another site"
         return None
-
-    def _brings_token(self, scope: Scope) -> bool:
-        given = _query(scope).get(TOKEN)
-        return scope["type"] == "http" and given is not None and self._is_token(given)
 
     def _knows(self, headers: Headers) -> bool:
         if self._access.token is None:

@@ -23,11 +23,12 @@ class SettingsTab:
             self._save.set_enabled(False)
             plain("Show the present values", lambda: self._show(visitor.service.settings))
         note("A setting with * is kept by the board; the others hold for this panel until it ends.")
-        lengths = ", ".join(f"{name} {_figure(value)}" for name, value in visitor.service.robot.geometry.items())
+        geometry = visitor.service.robot.geometry
+        figures = {name: f"{value:g}" if isinstance(value, float) else value for name, value in geometry.items()}
+        lengths = ", ".join(f"{name} {value}" for name, value in figures.items())
         note(f"Dimensions, which only the robot's file sets: {lengths}.")
 
     def refresh(self, _snapshot: Snapshot) -> None:
-        """Show the settings when they were read or written."""
         settings = self._visitor.service.settings
         if settings != self._shown:
             self._show(settings)
@@ -60,10 +61,6 @@ class SettingsTab:
 
     def _compare(self) -> None:
         self._save.set_enabled(bool(self._changed()))
-
-
-def _figure(value: float | str | bool) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _field(setting: Setting) -> FormField:

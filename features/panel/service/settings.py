@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 from steptwin.host.common.bad_input import nearest_within, outside, unknown
 from steptwin.host.common.errors import InputError
@@ -188,7 +188,8 @@ class MachineSettings:
             if name is not None and field in _LIMITS:
                 lower, upper, _ = self._range(name, field)
                 _check_within(key, value, lower, upper, str(joints[name].unit))
-                joints[name] = replace(joints[name], **{field: value})
+                stricter: dict[str, Any] = {field: value}
+                joints[name] = replace(joints[name], **stricter)
         return replace(self.robot, joints=tuple(joints.values()))
 
     def _of_drives(self, values: Mapping[str, float]) -> Iterator[tuple[DriveSetting, str | None, float]]:

@@ -117,7 +117,8 @@ def serve(
             warn(f"{served.title}: other machines can drive this board")
         file = which.robot_file
         name = ["--robot-file", file] if robot is None and file else [robot or loaded.name]
-        place = ServedPlace(name, endpoint.reached(served), served.control and served.control.address)
+        control = None if served.control is None else served.control.address
+        place = ServedPlace(name, endpoint.reached(served), control)
 
         def announce() -> None:
             which.add(*banner(served), *(() if wanted else ("Ctrl-C ends it",)))

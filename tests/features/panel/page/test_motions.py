@@ -4,7 +4,7 @@ import pytest
 
 pytest.importorskip("nicegui", reason="the extra `panel` is not installed")
 
-from steptwin.features.panel.page.motions import plan_job, plan_upload
+from steptwin.features.panel.page.motions import UploadedMotion, plan_job, plan_upload
 from steptwin.features.panel.service.messages import AS_SLOW_AS_NEEDED, operator_message
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.plan import Plan
@@ -23,7 +23,7 @@ duration_s = 0.1
 
 def refusal(name: str, content: bytes, stretch: float | None = 1.0) -> str:
     with pytest.raises(InputError) as refused:
-        plan_upload(LAB, name, content, stretch)
+        plan_upload(UploadedMotion(LAB, name, content, stretch))
     return refused_with(operator_message(refused.value))
 
 
@@ -33,7 +33,7 @@ def test_a_file_that_is_too_fast_offers_what_the_page_offers() -> None:
         assert text.startswith("th2: 60.0 kHz of steps at " if stretch == 1.0 else "th2: 30.0 kHz of steps at ")
         assert f'times slower passes: choose the speed "{AS_SLOW_AS_NEEDED}"' in text
         assert "stretch" not in text
-    assert isinstance(plan_upload(LAB, "fast.csv", FAST, None)[0], Plan)
+    assert isinstance(plan_upload(UploadedMotion(LAB, "fast.csv", FAST, None))[0], Plan)
 
 
 def test_a_step_of_a_program_that_is_too_fast_is_named() -> None:

@@ -20,7 +20,7 @@ from nicegui.testing import User, UserInteraction, user_simulation
 
 from steptwin.features.panel.page import visitor
 from steptwin.features.panel.page.hub import Hub, tick_of
-from steptwin.features.panel.page.motions import Planned, plan_upload
+from steptwin.features.panel.page.motions import Planned, UploadedMotion, plan_upload
 from steptwin.features.panel.page.visitor import SHOWN, note_shown
 from steptwin.features.panel.service.commands import (
     Disable,
@@ -163,8 +163,8 @@ async def opened(service: ScriptedService, folder: Path, control: Any = None) ->
 def _planned_here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plan uploaded files in a thread, not in a process, which test_planning_apart tries."""
 
-    async def plan_here(*asked: Any) -> Planned:
-        return await asyncio.to_thread(plan_upload, *asked)
+    async def plan_here(file: UploadedMotion) -> Planned:
+        return await asyncio.to_thread(plan_upload, file)
 
     monkeypatch.setattr("steptwin.features.panel.page.run.plan_apart", plan_here)
 
