@@ -15,9 +15,7 @@ from steptwin.host.planning.jobs.options import OptionRange
 class View(Protocol):
     """A part of the page."""
 
-    def refresh(self, snapshot: Snapshot) -> None:
-        """Show what has changed; called whenever something has, but not for numbers that always change."""
-        ...
+    def refresh(self, snapshot: Snapshot) -> None: ...
 
 
 Handler = Callable[[], Any]
@@ -35,17 +33,22 @@ def card(title: str = "", classes: str = "") -> ui.element:
 
 
 def heading(text: str) -> ui.element:
-    """Return a heading of a card."""
     return ui.label(text).classes("heading").props('role=heading aria-level="2"')
 
 
 def line(classes: str = "") -> ui.element:
-    """Return a row of things, which wraps on a narrow screen."""
     return ui.element("div").classes(f"row-line {classes}")
 
 
+def titled(text: str, classes: str = "") -> ui.element:
+    """Return a row of things that begins with what they are."""
+    row = line(classes)
+    with row:
+        ui.label(text).classes("muted")
+    return row
+
+
 def stack(classes: str = "") -> ui.element:
-    """Return a column of things."""
     return ui.element("div").classes(f"stack {classes}")
 
 
@@ -110,7 +113,6 @@ def live(name: str, classes: str = "number") -> ui.element:
 
 
 def note(text: str, tone: Tone = "") -> ui.label:
-    """Return a remark."""
     return ui.label(text).classes(f"note {tone}")
 
 

@@ -52,12 +52,10 @@ def _is_number(value: object) -> bool:
 
 
 def _is_printed(value: object) -> bool:
-    """Return whether a value is a text that may be printed on a terminal."""
     return isinstance(value, str) and all(char.isprintable() or char in "\n\t" for char in value)
 
 
 def _are_arguments(value: object) -> bool:
-    """Return whether a value is a list of JSON texts, or of nothing."""
     return isinstance(value, list) and all(
         text is None or (isinstance(text, str) and _parsed(text) is not _NO_JSON) for text in value
     )
@@ -294,7 +292,6 @@ class Guard:
 
 
 def _length(headers: Headers) -> int:
-    """Return the length that a request gives for its body, 0 without one."""
     text = headers.get("content-length", "0")
     return int(text) if text.isascii() and text.isdecimal() and len(text) <= _DIGITS_MAX else BODY_BYTES_MAX + 1
 

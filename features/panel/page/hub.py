@@ -183,7 +183,6 @@ class Hub:
             on_stop(name, partial(self._stop, stop))
 
     def _stop(self, stop: Callable[[str, str | None], bool], page: str | None, press: str | None) -> Answer:
-        """Stop the machine, by any browser."""
         known = self._pages.get(page or "")
         return {"told": stop(known.visitor.name if known else "a browser", press)}
 

@@ -23,6 +23,7 @@ from steptwin.features.panel.page.elements import (
     plain,
     stack,
     table,
+    titled,
 )
 from steptwin.features.panel.page.visitor import SHOWN, Visitor
 from steptwin.features.panel.service.commands import (
@@ -159,11 +160,9 @@ class JogTab:
         self._buttons: list[ui.button] = []
         self._refused = ""
         with line("between"):
-            with line():
-                ui.label("A press moves").classes("muted")
+            with titled("A press moves"):
                 choice("what a press moves", _STEPS, HOLD, partial(self._choose, "step"))
-            with line():
-                ui.label("Speed").classes("muted")
+            with titled("Speed"):
                 choice("speed of a jog", _PERCENTS, 20, partial(self._choose, "percent"))
         with ui.element("div").classes("jog-sides"):
             with stack("tight"):
@@ -187,7 +186,6 @@ class JogTab:
         self._why_no_tool.set_visibility(not snapshot.homed)
 
     def _row(self, name: str, unit: str, position: str | None) -> None:
-        """Make the buttons of a joint or a step of the tool, with its position if it has one of its own."""
         with ui.element("div").classes("jog-row"):
             with ui.element("div"):
                 ui.label(f"{_TURN_NAMES.get(name, name)}, {unit}")

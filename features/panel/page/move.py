@@ -22,6 +22,7 @@ from steptwin.features.panel.page.elements import (
     plain,
     stack,
     table,
+    titled,
     wrong,
 )
 from steptwin.features.panel.page.scene import ArmScene, links_at
@@ -97,7 +98,6 @@ class _SavedPositions:
         self._show()
 
     def _show(self) -> None:
-        """Read the file and show it."""
         self._list.clear()
         positions: Mapping[str, Position] = {}
         with self._visitor.explained():
@@ -198,7 +198,6 @@ class _JointsForm:
         self._scene.clear_shape("ghost")
 
     def _goal(self) -> dict[str, float] | None:
-        """Return the positions in the fields; None while one of them is missing or wrong."""
         return self._form.values() if self._form.wrong() is None else None
 
     def _show_ghost(self) -> None:
@@ -210,7 +209,6 @@ class _JointsForm:
             self._scene.show_arm("ghost", links_at(self._visitor.service.robot, list(goal.values())))
 
     def _tool_words(self, goal: Mapping[str, float]) -> str:
-        """Return where the tool is at a joint position, in its coordinates."""
         task = self._kinematics.task
         figures = task.figures(self._kinematics.forward(np.array([list(goal.values())])))[0]
         if not np.isfinite(figures).all():
@@ -260,8 +258,7 @@ class _ToolForm:
         self.root: ui.element = stack()
         with self.root:
             if self._key is not None:
-                with line():
-                    ui.label("Orientation as").classes("muted")
+                with titled("Orientation as"):
                     choice("how the orientation is written", _KEYS, self._key, self._write_as)
             self._place = ui.element("div")
             self._form = self._make_form()
@@ -307,7 +304,6 @@ class _ToolForm:
         self._scene.clear_shape("ghost")
 
     def _show(self, pose: Pose) -> None:
-        """Write a pose into the fields."""
         if self._key is None:
             numbers = self._task.figures(np.array(pose)).tolist()
             names = list(self._task.coordinates)

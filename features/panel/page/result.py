@@ -85,7 +85,6 @@ def _ends_table(outcome: LiveOutcome) -> None:
 
 
 def _pictures(result: Result, outcome: LiveOutcome) -> None:
-    """Show what was planned, with what was reported over it, and their difference."""
     trajectory, robot = outcome.plan.trajectory, outcome.plan.robot
     t_s = np.linspace(0.0, trajectory.duration_s, _POINTS)
     planned = [_points(t_s, joint) for joint in trajectory.positions(t_s).T]

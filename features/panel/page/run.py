@@ -21,6 +21,7 @@ from steptwin.features.panel.page.elements import (
     note,
     plain,
     stack,
+    titled,
     wrong,
 )
 from steptwin.features.panel.page.guard import BODY_BYTES_MAX
@@ -181,11 +182,9 @@ class RunTab:
             self._preview = plain("Preview", self._look, "visibility")
             self._start = act("Run", self._run, "play_arrow", moves=True)
         self._figures = ui.element("div").classes("stack tight")
-        with line("tight"):
-            ui.label("Speed").classes("muted")
+        with titled("Speed", "tight"):
             self._pace = choice("speed of the run", _PACES, "1", lambda _: self._outdate())
-        with line("tight"):
-            ui.label("On the way").classes("muted")
+        with titled("On the way", "tight"):
             self._speeds = [
                 plain(f"{percent} %", partial(self._change_speed, percent), label=label, moves=True)
                 for percent, label in ((each, f"{each} % of the planned speed") for each in _SPEEDS_PERCENT)
@@ -194,8 +193,7 @@ class RunTab:
         self._summary = ui.label().classes("muted")
         self._options = stack()
         self.upload = Upload(self._other_file, visitor.tell)
-        with line("tight") as self._of_a_file:
-            ui.label("Its units").classes("muted")
+        with titled("Its units", "tight") as self._of_a_file:
             self._units = choice("units of a trajectory file", UNITS, USUAL_UNITS, lambda _: self._outdate())
         with line():
             repeat = FormField("repeat", "repetitions", 1, OptionRange(1, _REPETITIONS_MAX, ""), whole=True)
@@ -227,7 +225,6 @@ class RunTab:
             self._show(before.shown)
 
     def _choose(self) -> None:
-        """Show the options of the chosen job, or the place for a file."""
         name, robot = str(self._choice.value), self._visitor.service.robot
         of_a_file = name == _FILE
         self._options.clear()

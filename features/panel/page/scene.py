@@ -110,11 +110,9 @@ class ArmScene(
         self.run_method("show", arm, flat_lines(parts))
 
     def show_line(self, line: Line, points_mm: FloatArray) -> None:
-        """Show a line through points of shape (n, 3)."""
         self.run_method("show", line, flat_lines([points_mm]))
 
     def clear_shape(self, shape: Arm | Line) -> None:
-        """Take an arm or a line away."""
         self.run_method("clear", shape)
 
     def move_boxes(self, shifts_mm: Iterable[FloatArray]) -> None:
@@ -122,7 +120,6 @@ class ArmScene(
         self.run_method("moveBoxes", [shift_mm.round(_DECIMALS).tolist() for shift_mm in shifts_mm])
 
     def look(self, view: View) -> None:
-        """Turn the camera."""
         self.run_method("look", view)
 
     def show_marks(self, marks: Mark, on: bool) -> None:
@@ -185,7 +182,6 @@ class SceneCard:
             self.scene.show_line("trace", self._drawing.trace_mm)
 
     def arrive(self) -> None:
-        """Draw everything in a browser that has just opened the page."""
         self._drawn = None
 
 

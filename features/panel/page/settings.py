@@ -55,7 +55,6 @@ class SettingsTab:
         self._visitor.ask(WriteSettings(values=self._changed()))
 
     def _changed(self) -> dict[str, float]:
-        """Return the values that differ from the present ones; a field without a number counts as changed."""
         values = {key: value for form in self._forms.values() for key, value in form.values().items()}
         return {setting.key: values[setting.key] for setting in self._shown if values[setting.key] != setting.value}
 

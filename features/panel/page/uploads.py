@@ -88,7 +88,6 @@ def _as_known(text: str, path: Path, plain: str) -> str:
 
 
 def _free(stem: str, files: Mapping[str, bytes]) -> str:
-    """Return a name that no file has."""
     while any(PurePosixPath(name).stem == stem for name in files):
         stem += "_"
     return stem
@@ -149,6 +148,5 @@ def _plain(name: str) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Return a text as a basic string of TOML."""
     escaped = "".join(each if each.isprintable() and each not in '"\\' else f"\\U{ord(each):08X}" for each in text)
     return f'"{escaped}"'

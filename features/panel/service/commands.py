@@ -388,7 +388,6 @@ def _check_percent(percent: float) -> None:
 
 
 def _move(work: Work, goal: Goal, percent: float) -> str:
-    """Move to joint positions; return those at the end in words."""
     moved = move(work.session, goal, speed_percent=percent, progress=work.progress)
     return _position_message(work.session.robot, moved.end)
 

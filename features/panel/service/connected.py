@@ -51,8 +51,7 @@ class ServiceLink(BusLink):
         publish: called in every wait.
     """
 
-    def __init__(self, bus: can.BusABC, title: str, stops: StopRequests) -> None:
-        """Open the link in the service's thread."""
+    def __init__(self, bus: can.BusABC, title: str, stops: StopRequests) -> None:  # in the service's thread
         super().__init__(bus, title, network=lambda: StoppableNetwork(bus, title, stops))
         self._stops = stops
         self.publish: Callable[[], None] = lambda: None
@@ -84,7 +83,6 @@ class RunSpeed:
     """
 
     def __init__(self, service: "MachineService") -> None:
-        """Begin without a trajectory."""
         self.percent: float | None = None
         self._service = service
         self._wanted: _WantedSpeed | None = None
@@ -96,7 +94,6 @@ class RunSpeed:
         self._wanted = _WantedSpeed(percent, shown)
 
     def drop(self) -> None:
-        """Drop what is asked for and not done yet."""
         self._wanted = None
 
     def tend(self, machine: Machine) -> None:
@@ -258,7 +255,6 @@ class ConnectedMachine:
         self._service.stops.done(asked)
 
     def _hold(self) -> None:
-        """Hold all drives until a reset."""
         axes, link = self.session.machine.axes, self.session.link
         try:
             stopping.emergency_stop(link, axes)

@@ -40,7 +40,6 @@ class OperatorPlace:
         return self._holder
 
     def is_operator(self, client: str) -> bool:
-        """Return whether a client operates the machine."""
         holder = self._holder
         return holder is not None and holder.client == client
 
@@ -191,7 +190,6 @@ class Presses:
 
     @property
     def present(self) -> Press | None:
-        """The press that is held now; None without one."""
         with self._lock:
             return self._held()
 
@@ -236,7 +234,6 @@ class Presses:
             return why if number == last and why != RELEASED else None
 
     def end(self, why: str) -> None:
-        """End the press that is held, if any."""
         with self._lock:
             self._end(why)
 

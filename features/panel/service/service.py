@@ -59,25 +59,9 @@ class MachineService:
     `results`. To move the machine it becomes the operator (`operator.take`), then requests commands or holds a jog by
     beats. Everybody may stop at any time.
 
-    Attributes:
-        events: what has happened, in words.
-        history: the last minutes of every joint.
-        drawing: the planned path and the tool's trace.
-        runs: the runs that have ended.
-        limits: the robot's limits and all settings.
-        operator: who may move the machine.
-        shown: the states from which commands may be requested.
-        presses: the jog button that is held.
-        stops: the stop that is asked for.
-        speed: the speed of the trajectory that runs.
-        session: the session while the machine is connected.
-        telemetry: what the axes report, while the machine is connected.
-        latest: the newest snapshot that was published.
-        activity: what the service makes the machine do.
-        emergency_stopped: True from an emergency stop until the reset.
-        simulated: True if the board says that it is emulated.
-        outputs: the digital outputs, as last read.
-        board_figures: figures of a served board.
+    Beside its thread all write `events` and `drawing`; its thread alone writes `latest` (the newest snapshot that was
+    published), `session` and `telemetry` (None while not connected), `outputs` (as last read), `activity` (what the
+    service makes the machine do) and `simulated`. `emergency_stopped` is True from an emergency stop until the reset.
     """
 
     def __init__(
@@ -360,7 +344,6 @@ class MachineService:
         self.activity = Activity(name, fraction, waits_for=waits_for)
 
     def end(self) -> None:
-        """Say that the service does nothing any more."""
         self.activity = None
 
     def order(self, order: Order) -> None:
@@ -392,7 +375,6 @@ class MachineService:
                 self.end()
 
     def _run(self) -> None:
-        """Connect and serve the machine, again and again until the service is closed."""
         while not self._closing.is_set():
             why = "closed"
             try:
@@ -440,7 +422,6 @@ class MachineService:
                 connected.publisher.log_emergencies()
 
     def _follow_board(self, control: ControlClient) -> None:
-        """Ask a control port for its board's figures, until the service is closed."""
         clock = ClockWatch(self.events)
         while not self._closing.is_set():
             try:
@@ -455,7 +436,6 @@ class MachineService:
 
 
 def _busy(name: str, activity: str) -> str:
-    """Return why something cannot begin while the machine does something else, or the same already."""
     return f"{name} goes on already" if name == activity else f"{name}: not begun: {activity} goes on"
 
 

@@ -200,7 +200,6 @@ class MachineSettings:
                 yield drive_setting(field, self.file), joint, value
 
     def _split(self, key: str) -> tuple[str | None, str]:
-        """Return the joint, or None, and the setting that a key names; raise InputError for an unknown joint."""
         joint, dot, field = key.rpartition(".")
         if not dot:
             return None, key

@@ -81,7 +81,6 @@ class Activity:
 
     @property
     def jogging(self) -> bool:
-        """True if the service jogs."""
         return self.fraction is None and not self.foreign
 
 
@@ -150,12 +149,10 @@ class Snapshot:
 
     @property
     def homed(self) -> bool:
-        """True if every joint knows its position."""
         return bool(self.joints) and all(joint.homed for joint in self.joints)
 
     @property
     def faulty(self) -> bool:
-        """True if a drive is in fault."""
         return any(joint.error is not None for joint in self.drives)
 
 
