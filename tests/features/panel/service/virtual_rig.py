@@ -35,31 +35,31 @@ class Turns:
         self._over = False
 
     def give(self) -> None:
-        """Let the worker run until it waits; called by the test."""
+        """Let the service's thread run until it waits; called by the test."""
         self._worker.release()
         self.await_worker()
 
     def await_worker(self) -> None:
-        """Wait until the worker waits."""
+        """Wait until the service's thread waits."""
         assert self._test.acquire(timeout=60.0), "the service's worker has ended or hangs"
 
     def take(self) -> None:
-        """Wait for the next turn; called by the worker."""
+        """Wait for the next turn; called by the service's thread."""
         if not self._over:
             self._test.release()
             self._worker.acquire()
 
     def end(self) -> None:
-        """Let the worker run on without the test."""
+        """Let the service's thread run on without the test."""
         self._over = True
         self._worker.release()
 
 
 class VirtualLink:
-    """What the worker's link is to a bus, on an embedded board."""
+    """What the service's link is to a bus, on an embedded board."""
 
     def __init__(self, board: EmbeddedBoard, turns: Turns, _bus: None, _title: str, stops: StopRequests) -> None:
-        """Open the link in the worker's thread; nothing is done with the bus."""
+        """Open the link in the service's thread; nothing is done with the bus."""
         self._board = board
         self._turns = turns
         self._stops = stops
