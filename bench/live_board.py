@@ -98,7 +98,7 @@ def live_motors_table(pairs: int = PAIRS) -> Table:
     this time that those of power-up decide the 99th percentile.
     """
     silence_python_can()
-    sides = zip(*((_served(), _served("--motors")) for _ in range(pairs)), strict=True)
+    sides = zip(*((_served(), _served("--machine=motors")) for _ in range(pairs)), strict=True)
     without, turning = (zip(*side, strict=True) for side in sides)
     return bench_table(
         f"A live board without and with motors, in turns, six axes at 1000 steps/s: medians of {pairs}",

@@ -117,9 +117,9 @@ class House:
         return sum(source.count(f"{word} which") for source in self.sources.values() for word in ("in", "of", "at"))
 
     def places(self) -> int:
-        """Return the number of rows of "Where do I change" in docs/overview.md."""
-        text = (self.root / "docs" / "overview.md").read_text(encoding="utf-8")
-        rows = text.partition("## Where do I change")[2].partition("\n## ")[0].splitlines()
+        """Return the number of rows of "To add ..." in docs/house.md."""
+        text = (self.root / "docs" / "house.md").read_text(encoding="utf-8")
+        rows = text.partition("## To add")[2].partition("\n## ")[0].splitlines()
         return sum(line.startswith("| ") for line in rows) - 1
 
     def figures(self) -> Iterator[tuple[str, int]]:
@@ -139,7 +139,7 @@ class House:
         yield "functions with 7 parameters or more", sum(count >= 7 for count in counts)
         yield "most parameters", max(counts)
         yield '"in which", "of which", "at which"', self.phrases()
-        yield 'rows of "where do I change"', self.places()
+        yield 'rows of "to add"', self.places()
 
 
 def _code_lines(source: str, tree: ast.Module) -> set[int]:

@@ -89,9 +89,9 @@ PROMISES = [
     Promise("docs/canopen.md", "If a mailbox is not free after 5 ms", transmit_queue.PAUSE_COUNTS_MAX, 5 * MS),
     Promise("docs/canopen.md", "until a second has passed without a loss", outbox.QUIET_US, 1_000_000),
     Promise("docs/canopen.md", "two minutes at power-up", objects.ENTRIES[od.HOMING_TIMEOUT_MS].default, 120_000),
-    Promise("docs/overview.md", "segments of 8 to 16 ms", ramps.GRAIN_MS, 8),
-    Promise("docs/overview.md", "segments of 8 to 16 ms", ramps.PIECE_MS, 16),
-    Promise("docs/overview.md", "keeps some 50 ms of them queued", profile_feed.AHEAD_MS, 48),
+    Promise("docs/board.md", "segments of 8 to 16 ms", ramps.GRAIN_MS, 8),
+    Promise("docs/board.md", "segments of 8 to 16 ms", ramps.PIECE_MS, 16),
+    Promise("docs/board.md", "keeps some 50 ms of them queued", profile_feed.AHEAD_MS, 48),
     Promise("docs/run-folder.md", "72 000 000", timer.COUNTS_PER_SECOND, SECOND),
     # --- the verdict
     Promise("README.md", "which steps at 9/16 of a step", oracle.THRESHOLD_STEPS, 9 / 16),

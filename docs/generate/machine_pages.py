@@ -28,13 +28,13 @@ _NOTICE: Final = "<!-- Made by `make docs` from host/twin/machine/machine_option
 _TEXT: Final = """# The emulated machine's options
 
 They say how an emulated machine differs from its robot's file, and what happens to it. Neither the plan nor the host is
-told. `steptwin run` and `steptwin serve` have them as options, and so has `steptwin replay`, but for a scenario and for
-motors. `execute`, `ServedBoard`, `BoardUnderTest` and `ServedBoardUnderTest` have them as keyword arguments
-([api.md](api.md)), the marker `steptwin` of tests as well ([ci.md](ci.md))."""
+told. `steptwin run` and `steptwin serve` take them as `--machine KEY=VALUE`, and so does `steptwin replay`, but for a
+scenario and for motors. `execute`, `ServedBoard`, `BoardUnderTest` and `ServedBoardUnderTest` have them as keyword
+arguments ([api.md](api.md)), the marker `steptwin` of tests as well ([ci.md](ci.md))."""
 _REMARKS: Final = """\
-`run` has no `--bitrate`: its option of that name is for a live board. Its `--motors` lets the motors turn after
-the run, by its record, and `--motors=loop` as it goes. In Python `stand_at` may also list all joints,
-`crystal_ppm` may be one number for all boards. Motors that turn in real time need numba.
+`-m` is short for `--machine`. `firmware`, `node` and `motors` are for served boards. `run` has its own option
+`--motors`: it lets the motors turn after the run, by its record, and `--motors=loop` as it goes. In Python `stand_at` may
+also list all joints, `crystal_ppm` may be one number for all boards. Motors that turn in real time need numba.
 
 The options of a feature are an object of a class of its own, in the list `extras`:
 `extras=[ShelfOptions(stock={"A1": "screws"})]`."""
@@ -126,12 +126,12 @@ def render_machine_options() -> str:
         for field in fields(made)
         if SPELLING in field.metadata
     ]
-    options = table(["option", "in Python", ""], own + of_features, text_columns=3)
+    options = table(["`--machine`", "in Python", ""], own + of_features, text_columns=3)
     return f"{_NOTICE}\n\n{_TEXT}\n\n{options}\n\n{_REMARKS}\n"
 
 
 def _row(field: Field[Any], in_python: str) -> list[str]:
     spelling = field.metadata[SPELLING]
     says = re.sub(r"\bdocs/([\w-]+\.md)", r"[\1](\1)", spelling.says)
-    option = f"`{spelling.option} {spelling.value}`".replace(" `", "`")
+    option = f"`{spelling.key}={spelling.value}`" if spelling.value else f"`{spelling.key}`"
     return [option, f"`{in_python.format(spelling.example)}`", says]

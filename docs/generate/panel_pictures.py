@@ -36,7 +36,7 @@ def _six_axis_arm() -> None:
     home = " ".join(f"{position:g}" for position in load_robot("ar4-mk3").home)
     with (
         TemporaryDirectory() as folder,
-        panel_of("ar4-mk3", Path(folder), "--stand-at", home) as url,
+        panel_of("ar4-mk3", Path(folder), f"--machine=stand-at={home}") as url,
         open_browser(_SIZE) as browser,
     ):
         browser.open(url)

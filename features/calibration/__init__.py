@@ -12,6 +12,7 @@ FEATURE: Final = Feature(
             COMMAND_GROUPS[0],
             "Find the real DH parameters of a machine from where its tool was measured, and what that cannot tell.",
             "steptwin.features.calibration.command",
+            usual=False,
         ),
     ),
 )

@@ -176,11 +176,11 @@ def _planned(options: CaptureOptions, plan: Path | None) -> "tuple[Robot, str, P
 
 
 def _of_words(words: list[str]) -> "tuple[Robot, str, Plan | None]":
-    from steptwin.host.cli.run.chosen_motion import FileOptions, SpeedOptions, choose_motion
+    from steptwin.host.cli.run.chosen_motion import choose_motion
     from steptwin.host.robots import load_robot
 
     robot = load_robot(words[0])
-    chosen = choose_motion(robot, words[1], {}, FileOptions(), SpeedOptions())
+    chosen = choose_motion(robot, words[1], {})
     return robot, f"capture of {chosen.job}", chosen.plan
 
 

@@ -78,6 +78,7 @@ FEATURE: Final = Feature(
             COMMAND_GROUPS[2],
             "Harm a served board: e-stop, supply, sensors, switches, wires, drivers, motors, payload, logic and bus.",
             "steptwin.features.faults.inject",
+            usual=False,
         ),
     ),
 )

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
 
 _FAULTS: Final = Spelling(
-    option="--faults",
+    key="faults",
     value="FILE",
     example='"faults.toml"',
     says="Let the faults of a scenario happen: TOML with [[fault]] (docs/faults.md).",

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from steptwin.emulator.board.board_firmware import BoardProgram
 
 _FIRMWARE: Final = Spelling(
-    option="--firmware",
+    key="firmware",
     value="FILE",
     example='"build/fw.so"',
     says="Let each board run this firmware of yours, compiled for this computer (docs/own-firmware.md).",

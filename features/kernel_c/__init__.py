@@ -37,6 +37,7 @@ FEATURE: Final = Feature(
             COMMAND_GROUPS[3],
             "Write the firmware's motion kernel as C11: header, source, an example and a README with units and limits.",
             "steptwin.features.kernel_c.command",
+            usual=False,
         ),
     ),
 )

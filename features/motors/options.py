@@ -17,7 +17,7 @@ class MotorsTurn(StrEnum):
 
 
 _MOTORS: Final = Spelling(
-    option="--motors",
+    key="motors",
     value="",
     example="True",
     says="Let the motors turn with the board, with the arm's masses: switches follow them; no crystal may be off"

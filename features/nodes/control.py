@@ -54,7 +54,7 @@ def answer(board: "LiveBoard", request: Mapping[str, Any]) -> Mapping[str, Any]:
             raise InputError(f"{key}: there is no such key; there are node, {', '.join(more)}")
     node_id = table.integer("node")
     if node_id not in nodes:
-        listed = ", ".join(str(each) for each in nodes) or "none: `steptwin serve --node ID=EDS` adds them"
+        listed = ", ".join(str(each) for each in nodes) or "none: `steptwin serve --machine node=ID=EDS` adds them"
         raise InputError(f"node: {node_id} is no further node; there are {listed}")
     if do == _POWER:
         on = table.truth("on")

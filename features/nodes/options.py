@@ -27,7 +27,7 @@ def _node_files(texts: list[str]) -> dict[int, str]:
 
 
 _NODES: Final = Spelling(
-    option="--node",
+    key="node",
     value="ID=EDS",
     example='{0x40: "io.eds"}',
     says="Put a further CANopen node, as simple as this EDS, on the bus (docs/nodes.md); repeatable.",

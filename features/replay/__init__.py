@@ -13,6 +13,7 @@ FEATURE: Final = Feature(
             COMMAND_GROUPS[3],
             "Play the hosts' frames of a recorded bus into the board again, in virtual time, and compare what it does.",
             "steptwin.features.replay.command",
+            usual=False,
         ),
     ),
 )

@@ -26,7 +26,7 @@ class ReplayOptions:
     channel: str | None = option("NAME", "Channel of a recording with several.", "--channel", "-c")
 
 
-@command("out/spiral", "night.blf lab-scara --stand-at '150 0 30 0' --out out/night")
+@command("out/spiral", "night.blf lab-scara -m stand-at='150 0 30 0' --out out/night")
 def replay(
     wanted: ReplayOptions,
     which: RobotOptions,

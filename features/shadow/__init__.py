@@ -13,6 +13,7 @@ FEATURE: Final = Feature(
             COMMAND_GROUPS[2],
             "Let a twin hear what the hosts tell a running machine, and say where the real board does otherwise.",
             "steptwin.features.shadow.command",
+            usual=False,
         ),
     ),
 )

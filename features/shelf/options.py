@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from steptwin.features.shelf.errand import Errand
 
 _STOCK: Final = Spelling(
-    option="--stock",
+    key="stock",
     value="PLACE=BOX",
     example='{"A1": "screws"}',
     says="Box in a slot of the emulated shelf or at a spot, in place of the usual ones; repeatable.",
@@ -19,7 +19,7 @@ _STOCK: Final = Spelling(
     repeatable=True,
 )
 _LOCKED: Final = Spelling(
-    option="--locked-drawer",
+    key="locked-drawer",
     value="SLOT",
     example='["A1"]',
     says="Lock a drawer of the emulated shelf; repeatable.",

@@ -24,6 +24,7 @@ FEATURE: Final = Feature(
             COMMAND_GROUPS[0],
             "Print a robot of the kind chain as a URDF: frames, axes, limits and speeds of its joints, in m and rad.",
             "steptwin.features.urdf.command",
+            usual=False,
         ),
     ),
 )

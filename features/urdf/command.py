@@ -24,7 +24,7 @@ class UrdfOptions:
     base: str | None = option("LINK", "With --urdf: the link that stands; by default the root.")
     snap: bool = switch("With --urdf: make angles exact within 2e-5 rad of multiples of 15 deg.")
 
-    def robot(self, name: str, kind: str | None, given: dict[str, str]) -> "NewRobot | None":
+    def robot(self, name: str, kind: str | None, given: dict[str, str], original: str | None) -> "NewRobot | None":
         """Return the robot of the URDF; None without one. Raises InputError for options that do not go together."""
         from steptwin.features.urdf.urdf_robot import KIND, UrdfSource
 
@@ -32,6 +32,8 @@ class UrdfOptions:
             if alone := next(iter(given_options(self)), None):
                 raise InputError(f"{alone}: is for a robot made of a URDF: give --urdf FILE")
             return None
+        if original is not None:
+            raise InputError(f"--from {original}: beside --urdf {self.urdf}: give only one of them")
         if kind not in (None, KIND):
             raise InputError(f"--kind {kind}: a URDF makes a {KIND}: leave --kind out")
         return UrdfSource(self.urdf, self.tip, self.base, self.snap).robot(name, given)

@@ -16,7 +16,7 @@ from typer.main import get_command_from_info
 from typer.models import CommandInfo
 
 from steptwin import __version__
-from steptwin.host.cli.commands import command_table
+from steptwin.host.cli.commands import command_table, refused_commands
 from steptwin.host.cli.output import say
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError, StepTwinError
@@ -154,7 +154,7 @@ def _of_the_program(
     ] = False,
 ) -> None:
     """Take the options of `steptwin` itself, which stand before a command, and tell of features that are broken."""
-    for reason in broken_features().values():
+    for reason in (*broken_features().values(), *refused_commands()):
         say(f"steptwin: {reason}", err=True)
 
 

@@ -296,7 +296,7 @@ def naming_machine_options(*parameters: str, **options: str) -> AbstractContextM
     """Name the command line's options in errors about the machine, and about further parameters."""
     classes = (MachineOptions, *(made() for _, made in giving("machine_options")))
     spelled = {
-        field.name: field.metadata[SPELLING].option
+        field.name: f"--machine {field.metadata[SPELLING].key}="
         for made in classes
         for field in fields(made)
         if SPELLING in field.metadata
@@ -305,9 +305,9 @@ def naming_machine_options(*parameters: str, **options: str) -> AbstractContextM
 
 
 def check_standing(robot: "Robot", machine: MachineOptions) -> None:
-    """Raise InputError unless --stand-at says where each joint stands, if it is given."""
+    """Raise InputError unless `stand-at` says where each joint stands, if it is given."""
     if machine.stand_at is not None:
-        check_one_each(machine.stand_at, robot.joint_names, "--stand-at")
+        check_one_each(machine.stand_at, robot.joint_names, "--machine stand-at")
 
 
 def machine_for(robot: "Robot", machine: MachineOptions) -> MachineOptions:
@@ -321,5 +321,6 @@ def machine_for(robot: "Robot", machine: MachineOptions) -> MachineOptions:
     check_standing(robot, machine)
     extras = read_extras(machine.extras, robot)
     if keys := settings_left_out(robot, machine.driver_profile):
-        warn(f"--driver-profile {machine.driver_profile}: has its usual settings, not the robot's {', '.join(keys)}")
+        usual = f"has its usual settings, not the robot's {', '.join(keys)}"
+        warn(f"--machine driver-profile={machine.driver_profile}: {usual}")
     return replace(machine, extras=extras)

@@ -68,6 +68,7 @@ COMMANDS: Final = (
         _LIVE,
         "Show the traffic of a bus in CANopen's terms, without sending anything.",
         f"{_CLI}.live.monitor",
+        usual=False,
     ),
     CommandRow(
         "home", _LIVE, "Home a live machine by its switches, then move it to its home position.", f"{_CLI}.live.move"
@@ -84,6 +85,7 @@ COMMANDS: Final = (
         _LIVE,
         "Save under a name where a live board stands; list the saved positions, or delete one.",
         f"{_CLI}.live.positions",
+        usual=False,
     ),
     CommandRow(
         "pause",
@@ -91,12 +93,13 @@ COMMANDS: Final = (
         "Halt the running trajectory on its path; the program that streams it keeps the queue filled.",
         f"{_CLI}.live.halting",
     ),
-    CommandRow("resume", _LIVE, "Continue a halted trajectory.", f"{_CLI}.live.halting"),
+    CommandRow("resume", _LIVE, "Continue a halted trajectory.", f"{_CLI}.live.halting", usual=False),
     CommandRow(
         "speed",
         _LIVE,
         "Make the running trajectory slower or faster, on its path; the next one begins at 100 %.",
         f"{_CLI}.live.halting",
+        usual=False,
     ),
     CommandRow(
         "stop",
@@ -115,12 +118,14 @@ COMMANDS: Final = (
         _LIVE,
         "Reset the drives' faults, and start nodes that are stopped; the drives are off afterwards.",
         f"{_CLI}.live.halting",
+        usual=False,
     ),
     CommandRow(
         "outputs",
         _LIVE,
         "List the digital outputs by their names in the robot's file, or switch one.",
         f"{_CLI}.live.halting",
+        usual=False,
     ),
     CommandRow(
         "trace",
@@ -140,10 +145,22 @@ COMMANDS: Final = (
 
 
 def command_table() -> Mapping[str, CommandRow]:
-    """Return every command by its name, in the order of the groups; the core's names are not replaced."""
-    of_features = (row for _, rows in giving("commands") for row in rows)
-    ordered = sorted((*COMMANDS, *of_features), key=lambda row: COMMAND_GROUPS.index(row.group))
-    table: dict[str, CommandRow] = {}
-    for row in ordered:
-        table.setdefault(row.name, row)
-    return table
+    """Return every command by its name, in the order of the groups; without those that `refused_commands` names."""
+    table = {row.name: row for row in COMMANDS}
+    for _, rows in giving("commands"):
+        for row in rows:
+            if row.group in COMMAND_GROUPS:
+                table.setdefault(row.name, row)
+    return dict(sorted(table.items(), key=lambda item: COMMAND_GROUPS.index(item[1].group)))
+
+
+def refused_commands() -> list[str]:
+    """Return a sentence for each command of a feature that there cannot be."""
+    table = command_table()
+    return [
+        f"feature {feature.name}: command {row.name}: "
+        + (f"there is one in {table[row.name].module}" if row.group in COMMAND_GROUPS else f"no group {row.group!r}")
+        for feature, rows in giving("commands")
+        for row in rows
+        if table.get(row.name) is not row
+    ]

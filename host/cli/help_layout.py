@@ -86,13 +86,16 @@ def _parameters(parameters: Iterable[Any], context: Any) -> Table:
 def _print_commands(console: Console, commands: Collection[CommandRow]) -> None:
     """Print a box for each group of commands, all with names of the same width."""
     width = max(len(command.name) for command in commands)
-    boxes: dict[str, Table] = {}
+    groups: dict[str, list[CommandRow]] = {}
     for command in commands:
-        table = boxes.get(command.group)
-        if table is None:
-            table = boxes[command.group] = _table()
-            table.add_column(style="bold cyan", no_wrap=True, width=width)
-            table.add_column(ratio=1)
-        table.add_row(command.name, _marked(command.help))
-    for title, table in boxes.items():
+        groups.setdefault(command.group, []).append(command)
+    for title, rows in groups.items():
+        table = _table()
+        table.add_column(style="bold cyan", no_wrap=True, width=width)
+        table.add_column(ratio=1)
+        for row in rows:
+            if row.usual:
+                table.add_row(row.name, _marked(row.help))
+        if others := [row.name for row in rows if not row.usual]:
+            table.add_row("", Text(f"also: {', '.join(others)}", style="cyan"))
         _print_box(console, title, table)

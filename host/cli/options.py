@@ -2,24 +2,28 @@
 
 A command declares an option of its own as the default of a parameter, `option(...)`; an option of several commands is
 a type in `arguments`. Options that belong together are a group: a dataclass in a command's signature stands for one
-option a field. The fields of the emulated machine's options have spellings, from which their options are made.
+option a field. The options of the emulated machine have spellings, and are given by `--machine KEY=VALUE`.
 """
 
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from functools import partial
 from inspect import Parameter, Signature, signature
 from typing import Annotated, Any, Final, NamedTuple, get_args, get_origin
 
 import typer
 
-from steptwin.host.common.errors import StepTwinError
+from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.errors import InputError, StepTwinError
 from steptwin.host.common.features import giving
 from steptwin.host.twin.machine.machine_options import OF_FEATURES, SPELLING, Spelling
 
 MACHINE_PANEL: Final = "Emulated machine"
 """Title of the box of options, in a command's help, that only an emulated machine has."""
+MACHINE: Final = "machine"
+"""Name of the option that changes the emulated machine."""
 LIVE_PANEL: Final = "Live board"
 """Title of the box of options that only a live board has."""
 
@@ -42,13 +46,14 @@ def with_options(message: str, *parameters: str, **options: str) -> str:
     Args:
         message: the message.
         parameters: those whose option has the same name, such as `allow_remote` for `--allow-remote`.
-        options: the option of each other parameter.
+        options: the option of each other parameter; one that ends in `=` takes its value without a space.
     """
     names = {name: _usual_name(name) for name in parameters} | options
-    named = re.compile(rf"(?<!-)\b({'|'.join(names)})=(True\b)?")  # an option that stands there already stays
+    named = re.compile(rf"(?<!-)(?<!-o )\b({'|'.join(names)})=(True\b)?")  # an option that stands there already stays
 
     def option(found: re.Match[str]) -> str:
-        return names[found[1]] + ("" if found[2] else " ")
+        name = names[found[1]]
+        return name.removesuffix("=") if found[2] else name if name.endswith("=") else f"{name} "
 
     return named.sub(option, message)
 
@@ -69,7 +74,6 @@ class _Described(NamedTuple):
         names: its names; empty for the one that follows from the parameter's.
         read: makes its value; None if typer does, by the parameter's type.
         positional: True for an argument.
-        repeatable: True if it takes several texts that are to be read.
         alone: the value that it has if it stands without one; empty if it may not.
     """
 
@@ -77,7 +81,6 @@ class _Described(NamedTuple):
     names: tuple[str, ...] = ()
     read: Reader | None = None
     positional: bool = False
-    repeatable: bool = False
     alone: str = ""
 
 
@@ -120,6 +123,9 @@ def switch(says: str, *names: str, **told: Any) -> Any:
     return option("", says, *names, default=False, **told)
 
 
+_machine_option: Final = partial(option, rich_help_panel=MACHINE_PANEL)
+
+
 def of_features(attribute: str) -> Any:
     """Return, as the default of a group's field, the options that features give by an attribute of theirs."""
     return field(default=(), metadata={OF_FEATURES: attribute})
@@ -143,11 +149,16 @@ class _Group:
     inner: "Mapping[str, _Group]"
 
     @classmethod
-    def of(cls, annotation: Any, *, served: bool = True) -> "_Group | None":
-        """Return the group that an annotation stands for, with options for served boards or not.
+    def of(cls, annotation: Any) -> "_Group | None":
+        """Return the group that an annotation stands for; None if it is the type of one option."""
+        group = cls._of_class(annotation)
+        if group is not None and any(SPELLING in each.metadata for each in group.own.values()):
+            return _MachineGroup(group.make, group.own, group.inner)
+        return group
 
-        None if it is the type of one option.
-        """
+    @classmethod
+    def _of_class(cls, annotation: Any, *, served: bool = True) -> "_Group | None":
+        """Return a group with an option for each field of a dataclass, of a served board or not."""
         made: Any = annotation
         without: tuple[str, ...] = ()
         if get_origin(annotation) is Annotated and is_dataclass(annotation.__origin__):
@@ -179,7 +190,9 @@ class _Group:
         if OF_FEATURES not in member.metadata:
             return None
         given = giving(member.metadata[OF_FEATURES])
-        inner = {feature.name: cls.of(made(), served=served) for feature, made in given if feature.name not in without}
+        inner = {
+            feature.name: cls._of_class(made(), served=served) for feature, made in given if feature.name not in without
+        }
         return cls(lambda **made: tuple(made.values()), {}, {name: group for name, group in inner.items() if group})
 
     def options(self) -> Iterator[Field[Any]]:
@@ -192,6 +205,57 @@ class _Group:
         """Take the values of the options out of those of a command line, and make the object of them."""
         own = {name: _read(each, values.pop(name)) for name, each in self.own.items()}
         return self.make(**own, **{name: group.made(values) for name, group in self.inner.items()})
+
+
+class _MachineGroup(_Group):
+    """The options of an emulated machine, which are keys of one option, `--machine KEY=VALUE`."""
+
+    def _fields(self) -> dict[str, Field[Any]]:
+        """Return the fields by their keys."""
+        return {each.metadata[SPELLING].key: each for each in _Group.options(self)}
+
+    def options(self) -> Iterator[Field[Any]]:
+        """Yield the one option."""
+        spelled: list[Spelling] = [each.metadata[SPELLING] for each in self._fields().values()]
+        forms = [f"{each.key}={each.value}" if each.value else each.key for each in spelled]
+        option = Parameter(
+            MACHINE,
+            Parameter.KEYWORD_ONLY,
+            annotation=list[str] | None,
+            default=_machine_option(
+                "KEY=VALUE",
+                "How the emulated machine differs from the robot's file, and what happens to it; repeatable"
+                f" (docs/machine-options.md): {', '.join(forms)}.",
+                f"--{MACHINE}",
+                "-m",
+            ),
+        )
+        yield _field_of(option)
+
+    def made(self, values: dict[str, Any]) -> Any:
+        """Take the texts of the one option, give each to its field, and make the object of them."""
+        known = self._fields()
+        given: dict[str, list[str]] = {key: [] for key in known}
+        for text in values.pop(MACHINE) or []:
+            key, equals, value = text.partition("=")
+            if key not in known:
+                raise unknown(f"--{MACHINE}", key, known)
+            spelling = known[key].metadata[SPELLING]
+            if bool(equals) != bool(spelling.value):
+                form = f"needs a value: {key}={spelling.value}" if spelling.value else "takes no value"
+                raise InputError(f"--{MACHINE} {text}: {form}")
+            if given[key] and not spelling.repeatable:
+                raise InputError(f"--{MACHINE} {text}: {key} is given twice")
+            given[key].append(value)
+        return super().made({known[key].name: _machine_value(known[key], texts) for key, texts in given.items()})
+
+
+def _machine_value(each: Field[Any], texts: list[str]) -> Any:
+    """Return what an option of a machine reads: its texts if it is repeatable, its text, or whether it is given."""
+    spelling: Spelling = each.metadata[SPELLING]
+    if not spelling.value:
+        return bool(texts)
+    return texts if spelling.repeatable or not texts else texts[0]
 
 
 def with_groups(function: Callable[..., None]) -> tuple[Callable[..., None], dict[str, str]]:
@@ -248,12 +312,10 @@ def _described(each: Field[Any]) -> _Described:
         return described
 
     def read(given: Any, name: str) -> Any:
-        with naming_options(**{each.name: name}):
+        with naming_options(**{each.name: f"{name}="}):
             return spelling.read(given)
 
-    told = {"metavar": spelling.value or None, "help": spelling.says, "rich_help_panel": MACHINE_PANEL}
-    names = tuple(filter(None, (spelling.option, spelling.short)))
-    return _Described(told, names, read if spelling.value else None, repeatable=spelling.repeatable)
+    return _Described({}, (f"--{MACHINE} {spelling.key}",), read if spelling.value else None)
 
 
 def _names(each: Field[Any]) -> tuple[str, ...]:
@@ -266,7 +328,7 @@ def _parameter(each: Field[Any]) -> Parameter:
     described, kind = _described(each), get_args(each.type)[0] if get_origin(each.type) is Annotated else each.type
     default = Parameter.empty if each.default is MISSING else each.default
     if described.read is not None:
-        kind = list[str] | None if described.repeatable else str | None
+        kind = str | None
         default = default if default is Parameter.empty or isinstance(default, str) else None
     names = () if described.positional else _names(each)
     told: Any = (typer.Argument if described.positional else typer.Option)(*names, **described.told)

@@ -234,12 +234,14 @@ class CommandRow(NamedTuple):
         group: one of `COMMAND_GROUPS`.
         help: its line in `steptwin --help`: the summary of its docstring.
         module: the module with its function, which has the command's name, with `_` for `-`.
+        usual: False for one that `steptwin --help` lists by its name alone: it shows at most ten a group.
     """
 
     name: str
     group: str
     help: str
     module: str
+    usual: bool = True
 
 
 MakePart = Callable[["Robot", Sequence[float], Sequence[int], Any, Collection[str] | None], MachinePart | None]

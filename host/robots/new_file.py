@@ -243,7 +243,7 @@ def robot_text(name: str, kind: str, geometry: Mapping[str, Dimension], joints: 
     coupled = ("X", "Y") if geometry.get(_BELTS) == _COREXY else ()
     parts = [
         _HEAD.format(kind=kind, summary=kind_named(kind).summary),
-        _lines({"name": name, "title": f"{name}, a robot of the kind {kind}"}, {}),
+        toml_lines({"name": name, "title": f"{name}, a robot of the kind {kind}"}, {}),
         _kinematics_text(kind, {key: value for key, value in geometry.items() if key != _BELTS}, meanings),
         _BASE,
         *([_coupling_text(geometry)] if kind == "cartesian" else []),
@@ -251,7 +251,7 @@ def robot_text(name: str, kind: str, geometry: Mapping[str, Dimension], joints: 
         _JOINTS + (_SLIDES if kind == "axes" else ""),
         *(_joint_text(joint, is_coupled=joint.name in coupled) for joint in joints),
         "[home] # where the arm is taken after homing\n"
-        + _lines({joint.name: min(max(joint.home, joint.lower), joint.upper) for joint in joints}, {}),
+        + toml_lines({joint.name: min(max(joint.home, joint.lower), joint.upper) for joint in joints}, {}),
         _devices(kind, joints),
         _motors_text(joints),
     ]
@@ -275,7 +275,7 @@ def _coupling_text(geometry: Mapping[str, Dimension]) -> str:
 def _kinematics_text(kind: str, geometry: Mapping[str, Dimension], meanings: Mapping[str, str]) -> str:
     """Return the table of the mechanism; a dimension that is a table has a line for each of its entries."""
     flat = {key: value for key, value in geometry.items() if not isinstance(value, dict)}
-    parts = ["[kinematics] # docs/robot-files.md has a drawing\n" + _lines({"kind": kind, **flat}, meanings)]
+    parts = ["[kinematics] # docs/robot-files.md has a drawing\n" + toml_lines({"kind": kind, **flat}, meanings)]
     for key, table in geometry.items():
         if isinstance(table, dict):
             rows = (f"{name} = {_toml(each)}\n" for name, each in table.items())
@@ -339,9 +339,9 @@ _TURN_NOTES: Final = {
 def _board_text(board: BoardSettings) -> str:
     """Return the table of the board: of drivers with a profile its name, whose times the reader takes."""
     if board.driver_profile is None:
-        return _DRIVERS + "[board]\n" + _lines({key: getattr(board, key) for key in _BOARD_NOTES}, _BOARD_NOTES)
+        return _DRIVERS + "[board]\n" + toml_lines({key: getattr(board, key) for key in _BOARD_NOTES}, _BOARD_NOTES)
     notes = {"bitrate": _BOARD_NOTES["bitrate"], DRIVER_PROFILE: f"{board.profile.title}; all times are theirs"}
-    return _OTHER_DRIVERS + "[board]\n" + _lines({key: getattr(board, key) for key in notes}, notes)
+    return _OTHER_DRIVERS + "[board]\n" + toml_lines({key: getattr(board, key) for key in notes}, notes)
 
 
 def _joint_text(joint: NewJoint, *, is_coupled: bool) -> str:
@@ -368,10 +368,12 @@ def _joint_text(joint: NewJoint, *, is_coupled: bool) -> str:
     }
     return "\n".join(
         [
-            f"[joints.{joint.name}] # {joint.what}\n" + _lines(main, notes),
-            f"[joints.{joint.name}.switches] # closed from here outwards\n" + _lines(joint.switches, {}),
+            f"[joints.{joint.name}] # {joint.what}\n" + toml_lines(main, notes),
+            f"[joints.{joint.name}.switches] # closed from here outwards\n" + toml_lines(joint.switches, {}),
             f"[joints.{joint.name}.homing]\n"
-            + _lines(joint.homing, {"method": "the negative limit switch, leaving it upwards; 35 without a switch"}),
+            + toml_lines(
+                joint.homing, {"method": "the negative limit switch, leaving it upwards; 35 without a switch"}
+            ),
         ]
     )
 
@@ -386,11 +388,11 @@ def _motors_text(joints: list[NewJoint]) -> str:
     }
     parts = [_MOTORS]
     for joint in joints:
-        motor = _lines({"model": joint.motor or MOTORS[1], "friction_nm": 0.01}, motor_notes)
+        motor = toml_lines({"model": joint.motor or MOTORS[1], "friction_nm": 0.01}, motor_notes)
         table = f"[joints.{joint.name}.motor]\n{motor}"
         parts += [table if joint.motor else _comment(table)]
-        parts += [_comment(f"[joints.{joint.name}.link]\n{_lines(link, link_notes)}")]
-    return "".join([*parts, _comment("[dynamics]\n" + _lines({"supply_v": 24.0}, {"supply_v": "of the drivers"}))])
+        parts += [_comment(f"[joints.{joint.name}.link]\n{toml_lines(link, link_notes)}")]
+    return "".join([*parts, _comment("[dynamics]\n" + toml_lines({"supply_v": 24.0}, {"supply_v": "of the drivers"}))])
 
 
 def _comment(text: str) -> str:
@@ -410,7 +412,7 @@ def _devices(kind: str, joints: list[NewJoint]) -> str:
         parts.append("\n".join(["[outputs] # the axis and the number of each digital output", *rows, ""]))
     for place, positions in robot.places.items():
         near = {name: min(max(position, ranges[name][0]), ranges[name][1]) for name, position in positions.items()}
-        parts.append(f"[places.{place}] # where jobs go\n" + _lines(near, {}))
+        parts.append(f"[places.{place}] # where jobs go\n" + toml_lines(near, {}))
     return "\n".join(parts) if parts else _OUTPUTS.format(joint=joints[-1].name)
 
 
@@ -431,7 +433,7 @@ def _joints_of(robot: Robot) -> list[NewJoint]:
     ]
 
 
-def _lines(values: Mapping[str, object], notes: Mapping[str, str]) -> str:
+def toml_lines(values: Mapping[str, object], notes: Mapping[str, str]) -> str:
     """Return a line for each value, its notes in one column."""
     rows = {key: f"{key} = {_toml(value)}" for key, value in values.items()}
     width = max(map(len, rows.values()))

@@ -33,7 +33,7 @@ RUNS = [
         0.156142,
     ),
     Expected(
-        "lab-scara spiral --elbow left",
+        "lab-scara spiral -o elbow=left",
         (12000, 3919, -4562, 672),
         (12752, 3718, -4989, 546),
         (752, 3853, 4523, 752),

@@ -44,7 +44,7 @@ def test_reference_figures(
     duration_s: int,
     frames: tuple[int, int],
 ) -> None:
-    report = run_json(capsys, *words, "--elbow", elbow)
+    report = run_json(capsys, *words, "-o", f"elbow={elbow}")
     check_contract(report)
     assert report["passed"] is True
     assert report["duration_s"] == duration_s

@@ -50,7 +50,7 @@ def test_by_default_nothing_is_broken(capsys: pytest.CaptureFixture[str]) -> Non
 
 
 class TestSlowBlueBoard:
-    OPTIONS = ("--driver-profile", "slow-blue-board")
+    OPTIONS = ("--machine", "driver-profile=slow-blue-board")
 
     @pytest.mark.slow
     def test_misses_every_step(self, capsys: pytest.CaptureFixture[str]) -> None:
@@ -122,7 +122,7 @@ class TestThreeAmpModule:
 
     @pytest.mark.slow
     def test_a_late_dir_steps_the_wrong_way(self, capsys: pytest.CaptureFixture[str]) -> None:
-        document = run_json(capsys, *SPIRAL, "--driver-profile", "3a-module", exit_code=1)
+        document = run_json(capsys, *SPIRAL, "--machine", "driver-profile=3a-module", exit_code=1)
         (group,) = document["violations"]
         assert (group["axis"], group["rule"], group["count"], group["worst"]) == ("th2", "dir_setup", 1, 15)
         assert group["limit"] == pytest.approx(23.92, abs=0.01)
@@ -180,8 +180,8 @@ class TestThreeAmpModule:
     ) -> None:
         path = tmp_path / "mine.toml"
         path.write_text(load_robot("teaching-scara").toml.replace("osc_pf = 330", "osc_pf = 330\ncurrent_a = 2.0", 1))
-        assert run(["run", str(path), "carry", "--driver-profile", named, "--json"]) == 0
-        warning = "--driver-profile chip-100pf: has its usual settings, not the robot's current_a"
+        assert run(["run", str(path), "carry", "--machine", f"driver-profile={named}", "--json"]) == 0
+        warning = "--machine driver-profile=chip-100pf: has its usual settings, not the robot's current_a"
         assert (f"steptwin: warning: {warning}\n" in capsys.readouterr().err) == left_out
 
     def test_the_file_does_not_say_how_other_drivers_are_set(self, fast_kernel: Kernel) -> None:
@@ -195,7 +195,7 @@ class TestThreeAmpModule:
 @pytest.mark.parametrize("pf", [100, 1000])
 def test_chips_by_their_capacitor(pf: int, capsys: pytest.CaptureFixture[str]) -> None:
     """33 us are enough for 100 pF, which needs 10 us, and too short for 1000 pF, which needs 90 us."""
-    document = run_json(capsys, *PULL_LINE, "--driver-profile", f"chip-{pf}pf", exit_code=0 if pf == 100 else 1)
+    document = run_json(capsys, *PULL_LINE, "--machine", f"driver-profile=chip-{pf}pf", exit_code=0 if pf == 100 else 1)
     assert {group["limit"] for group in document["violations"]} == ({90.0} if pf == 1000 else set())
 
 
@@ -209,7 +209,7 @@ def test_a_file_may_turn_the_active_edge(fast_kernel: Kernel) -> None:
 class TestModulesSwitches:
     def test_in_a_wrong_place(self, capsys: pytest.CaptureFixture[str]) -> None:
         """The run names the joint whose motor went twice as far."""
-        words = ("--driver-profile", "3a-module", "--dip-microsteps", "th1=8")
+        words = ("--machine", "driver-profile=3a-module", "--machine", "dip-microsteps=th1=8")
         document = run_json(capsys, "run", "teaching-scara", "carry", *words, exit_code=1)
         told = "th1: the driver made 8 microsteps per full step, planned 16: its steps are 2 times as long"
         assert told in document["reasons"]
@@ -224,7 +224,7 @@ class TestModulesSwitches:
         ],
     )
     def test_that_cannot_be_set(self, command: str, setting: str, capsys: pytest.CaptureFixture[str]) -> None:
-        refusal(capsys, *command.split(), "--dip-microsteps", setting)
+        refusal(capsys, *command.split(), "--machine", f"dip-microsteps={setting}")
 
 
 def test_a_joint_s_driver_has_its_own_current(fast_kernel: Kernel) -> None:

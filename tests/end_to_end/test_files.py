@@ -100,8 +100,8 @@ class TestATrajectoryFile:
         file.write_text(CSV, encoding="utf-8")
         line = refusal(capsys, "run", ROBOT, str(file), "-o", "duration_s=2")
         assert line.endswith("a trajectory from a file has no options")
-        line = refusal(capsys, "run", ROBOT, str(file), "--elbow", "left")
-        assert line.endswith("--elbow left: is for a file of the tool's poses; this one has joints")
+        line = refusal(capsys, "run", ROBOT, str(file), "-o", "elbow=left")
+        assert line.endswith("-o elbow=left: is for a file of the tool's poses; this one has joints")
 
     @pytest.mark.parametrize(
         "csv",

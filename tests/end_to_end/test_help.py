@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ from typer.core import TyperOption
 from steptwin.host.cli.app import command_named, run
 from steptwin.host.cli.commands import command_table
 from steptwin.host.common.errors import BusError
+from steptwin.host.common.features import CommandRow, Feature
 from steptwin.host.robots import load_robot
 
 NAMES = list(command_table())
@@ -40,8 +42,28 @@ def test_the_program_lists_its_commands_in_groups(capsys: pytest.CaptureFixture[
     lines = shown(capsys)
     titles = [line.strip("╭╮─ ") for line in lines if line.startswith("╭")]
     assert titles == ["Options", "Robots and maths", "Run and verify", "Live board", "Files and tools"]
-    assert [line.split()[1] for line in lines if re.match(r"│ [a-z]", line)] == NAMES
+    table = command_table()
+    listed = [line.split()[1] for line in lines if re.match(r"│ [a-z]", line)]
+    assert listed == [name for name in NAMES if table[name].usual]
+    assert len(listed) <= 30
+    assert max(Counter(table[name].group for name in listed).values()) <= 10
+    text = re.sub(r"[│\s]+", " ", "\n".join(lines))
+    others = [name for named in re.findall(r"also: ([\w, -]+?)(?= ╰)", text) for name in named.split(", ")]
+    assert sorted([*listed, *others]) == sorted(NAMES)
     assert len(NAMES) == len(set(NAMES)) == 41
+
+
+def test_a_command_that_there_cannot_be_is_told(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows = (CommandRow("run", "Live board", "", "mine.run"), CommandRow("spin", "Toys", "", "mine.spin"))
+    monkeypatch.setattr("steptwin.host.cli.commands.giving", lambda _: [(Feature(name="mine"), rows)])
+    assert command_table()["run"].module == "steptwin.host.cli.run.run"
+    assert run(["robots"]) == 0
+    assert capsys.readouterr().err.splitlines() == [
+        "steptwin: feature mine: command run: there is one in steptwin.host.cli.run.run",
+        "steptwin: feature mine: command spin: no group 'Toys'",
+    ]
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:

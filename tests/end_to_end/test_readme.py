@@ -34,7 +34,7 @@ def test_command(line: str, carry_run: Path, monkeypatch: pytest.MonkeyPatch, tm
     words = shlex.split(line.split(">", maxsplit=1)[0], comments=True)
     if words[1] in {"trace", "plot", "verify", "replay"}:
         shutil.copytree(carry_run, words[2])
-    expected = {"--cut-stream": 3, "--driver-profile": 1}
+    expected = {"--cut-stream": 3, "driver-profile=3a-module": 1}
     assert run(words[1:]) == next((code for option, code in expected.items() if option in words), 0)
 
 
@@ -85,7 +85,7 @@ def test_it_is_short_and_begins_with_a_moving_picture() -> None:
 def test_when_a_run_fails_has_each_reason_of_the_verdict(capsys: pytest.CaptureFixture[str]) -> None:
     """A run that fails in most ways at once, and the reasons that it has not, as the verifier words them."""
     _, section = PAGE.split("\n## When a run fails\n")
-    assert run(["run", "lab-scara", "spiral", "--driver-profile", "3a-module"]) == 1
+    assert run(["run", "lab-scara", "spiral", "--machine", "driver-profile=3a-module"]) == 1
     _, told = capsys.readouterr().out.split("lab-scara spiral: FAILED\n")
     for line in told.splitlines():
         words = re.sub(r" [-\d].*", "", line.split(": ", 1)[1])

@@ -45,13 +45,6 @@ def test_what_a_refusal_names_passes_and_less_does_not(motion: str, capsys: pyte
     assert run_json(capsys, "run", ROBOT, motion, "--stretch", "auto")["axes"] == document["axes"]
 
 
-@pytest.mark.slow
-def test_speed_is_the_other_way_round(motion: str, capsys: pytest.CaptureFixture[str]) -> None:
-    percent = 50 / told_stretch(refusal(capsys, "run", ROBOT, motion))
-    slow = run_json(capsys, "run", ROBOT, motion, "--speed", f"{percent:.9f}")
-    assert slow["axes"] == run_json(capsys, "run", ROBOT, motion, "--stretch", f"{100 / percent:.9f}")["axes"]
-
-
 def test_it_is_said(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["run", ROBOT, "carry", "--stretch", "2", "--json"]) == 0
     captured = capsys.readouterr()
@@ -69,7 +62,7 @@ def test_what_need_not_be_slower_stays_as_it_is(capsys: pytest.CaptureFixture[st
 
 
 def test_too_fast_a_job_names_the_stretch_of_the_job_itself(capsys: pytest.CaptureFixture[str]) -> None:
-    line = refusal(capsys, "run", ROBOT, "carry", "--speed", "2000")
+    line = refusal(capsys, "run", ROBOT, "carry", "--stretch", "0.05")
     factor = float(line.rsplit("; --stretch ", 1)[1].removesuffix(" passes"))
     assert 0.05 < factor < 1
     assert run_json(capsys, "run", ROBOT, "carry", "--stretch", str(factor))["passed"]
@@ -78,12 +71,10 @@ def test_too_fast_a_job_names_the_stretch_of_the_job_itself(capsys: pytest.Captu
 @pytest.mark.parametrize(
     "words",
     [
-        ["--stretch", "2", "--speed", "50"],
         ["--stretch", "slow"],
         ["--stretch", "0"],
         ["--stretch", "1001"],
-        ["--speed", "-5"],
-        ["--speed", "0.5"],
+        ["--stretch", "-5"],
         ["--stretch", "10000"],
     ],
 )

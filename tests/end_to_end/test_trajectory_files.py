@@ -70,7 +70,7 @@ class TestBeforeARun:
         assert len(err) == 1
         assert err[0].startswith(f"steptwin: warning: {file}: far off the lines between the points: tool ")
         assert err[0].count("(limit") == 1  # the farthest alone
-        assert err[0].endswith("; --interpolate linear or stop keeps closer, and so do more points")
+        assert err[0].endswith("; -o interpolate=linear or stop keeps closer, and so do more points")
 
     def test_on_stderr_with_json(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
         out, err = said(capsys, file_of(tmp_path, OVERSHOOTING), "--json")
@@ -78,7 +78,7 @@ class TestBeforeARun:
         assert [line.partition(": ")[2][:8] for line in err] == ["3 points", "off the ", "warning:"]
 
     def test_stops_leave_nothing(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-        out, err = said(capsys, file_of(tmp_path, OVERSHOOTING), "--interpolate", "stop")
+        out, err = said(capsys, file_of(tmp_path, OVERSHOOTING), "-o", "interpolate=stop")
         assert "straight lines with stops" in out[0]
         assert "off the lines" not in out[1]
         assert err == []
@@ -91,9 +91,9 @@ class TestBeforeARun:
             "every joint stays below 5 % of its limits and of its range, at 0.25 % at most. Is it in s, mm and degrees?"
         )
         assert err == [
-            f"steptwin: warning: {file}: {asking} --units rad fits, too: angles are then 57.3 times as large"
+            f"steptwin: warning: {file}: {asking} -o units=rad fits, too: angles are then 57.3 times as large"
         ]
-        out, err = said(capsys, file, "--units", "rad")
+        out, err = said(capsys, file, "-o", "units=rad")
         assert err == []
         assert "peak speed 14.3 % of the limit (th1)" in out[0]
 
@@ -108,21 +108,21 @@ class TestBeforeARun:
 
 
 def test_options_of_files_are_for_files(capsys: pytest.CaptureFixture[str]) -> None:
-    for option, value in (("--interpolate", "linear"), ("--ramps", "0.1"), ("--units", "rad,m")):
+    for option, value in (("-o", "interpolate=linear"), ("-o", "ramps_s=0.1"), ("-o", "units=rad,m")):
         refusal(capsys, "run", ROBOT, "carry", option, value)
 
 
 def test_options_are_named_in_errors(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = file_of(tmp_path, CSV)
     for words, told in (
-        (["--ramps", "0"], "--ramps: 0 is not above 0"),
-        (["--ramps", "0.0005"], f"{file}: --ramps 0.0005: 0.0005 s is not a whole number of milliseconds"),
-        (["--ramps", "0.1", "--interpolate", "stop"], f"{file}: --ramps 0.1: a motion that stops at each point"),
+        (["-o", "ramps_s=0"], "option ramps_s: 0 is not above 0"),
+        (["-o", "ramps_s=0.0005"], f"{file}: -o ramps_s=0.0005: 0.0005 s is not a whole number of milliseconds"),
+        (["-o", "ramps_s=0.1", "-o", "interpolate=stop"], f"{file}: -o ramps_s=0.1: a motion that stops at each point"),
     ):
         assert refusal(capsys, "run", ROBOT, file, *words).startswith(told)
     moving = file_of(tmp_path, MOVING_CSV)
-    assert f"{moving}: --interpolate spline: the file gives velocities" in refusal(
-        capsys, "run", ROBOT, moving, "--interpolate", "spline"
+    assert f"{moving}: -o interpolate=spline: the file gives velocities" in refusal(
+        capsys, "run", ROBOT, moving, "-o", "interpolate=spline"
     )
 
 
@@ -138,9 +138,9 @@ def test_the_laboratory_spiral_at_the_speeds_of_its_paper(capsys: pytest.Capture
         rows.append(f"{2.173 * k / 376!r},{-300 + 5 * u * cos(u)!r},{400 + 5 * u * sin(u)!r},{u / 2!r},0")
     file = file_of(tmp_path, "\n".join(rows))
     told = refusal(capsys, "run", "lab-scara", file)
-    assert told.endswith("; a run-in and a run-out of 0.079 s pass (--ramps 0.079)")
-    refusal(capsys, "run", "lab-scara", file, "--ramps", "0.078")
-    assert run(["run", "lab-scara", file, "--ramps", "0.079", "--json"]) == 0
+    assert told.endswith("; a run-in and a run-out of 0.079 s pass (-o ramps_s=0.079)")
+    refusal(capsys, "run", "lab-scara", file, "-o", "ramps_s=0.078")
+    assert run(["run", "lab-scara", file, "-o", "ramps_s=0.079", "--json"]) == 0
     captured = capsys.readouterr()
     report = json.loads(captured.out)
     assert (report["passed"], report["duration_s"]) == (True, 2.331)

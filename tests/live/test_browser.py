@@ -59,7 +59,7 @@ class Machine(NamedTuple):
 @pytest.fixture(scope="module")
 def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Machine]:
     folder = tmp_path_factory.mktemp("panel")
-    with panel_of("teaching-scara", folder, "--stand-at", NEAR_ITS_SWITCHES, "--out", "live") as url:
+    with panel_of("teaching-scara", folder, "--machine", f"stand-at={NEAR_ITS_SWITCHES}", "--out", "live") as url:
         yield Machine(url, folder / "live")
 
 

@@ -19,7 +19,7 @@ def test_home_jog_move_and_run(tmp_path: Path) -> None:
     def positions(server: Server) -> list[float]:
         return [axis["position"] for axis in server.json("status", robot)["axes"]]
 
-    with serving(robot, "--stand-at", "-120 -40 3 -340") as server:
+    with serving(robot, "--machine", "stand-at=-120 -40 3 -340") as server:
         assert server.run("home", robot) == 0
         assert positions(server) == pytest.approx([0.0] * 4, abs=0.06)
         jogged = server.json("jog", robot, "th1", "20", "--seconds", "0.5")

@@ -29,7 +29,7 @@ def soon(true: Callable[[], bool]) -> None:
 @in_real_time
 def test_a_master_of_a_whole_machine(tmp_path: Path) -> None:
     log = tmp_path / "run.log"
-    with serving("lab-scara", "--node", f"{ID}={EDS}", "--control-port", "0", "--log", str(log)) as server:
+    with serving("lab-scara", "--machine", f"node={ID}={EDS}", "--control-port", "0", "--log", str(log)) as server:
         assert server.banner[2] == f"further node 0x40: {EDS}"
         port = int(server.banner[3].split(",")[0].rpartition(":")[2])
         network = canopen.Network()

@@ -53,7 +53,7 @@ CLICK = """[...document.querySelectorAll("button")].find((button) =>
 @pytest.fixture(scope="module")
 def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     folder = tmp_path_factory.mktemp("held")
-    with panel_of(ROBOT, folder, "--stand-at", "-100 -100 5 -300", port=PORT) as address:
+    with panel_of(ROBOT, folder, "--machine", "stand-at=-100 -100 5 -300", port=PORT) as address:
         yield address
 
 

@@ -38,7 +38,7 @@ def points(tmp_path_factory: pytest.TempPathFactory) -> str:
 def start_motion(server: Server, points: str, folder: Path) -> subprocess.Popen[str]:
     """Start a run on the server; return when its recording goes 0.6 s into the motion."""
     assert server.run("home", ROBOT, "--here", HOME) == 0
-    client = server.start("run", ROBOT, points, "--interpolate", "stop")
+    client = server.start("run", ROBOT, points, "-o", "interpolate=stop")
     given_up_s = time.monotonic() + TIMEOUT_S
     while not in_motion(folder):
         assert client.poll() is None, client.communicate()

@@ -122,7 +122,7 @@ def test_a_session_and_its_folder(tmp_path: Path, capsys: pytest.CaptureFixture[
 @in_real_time
 def test_ctrl_c_ends_it_as_well_after_what_docs_live_md_shows() -> None:
     ((_, python),) = [block for block in blocks_of(read_page("docs/live.md")) if block[0] == "python"]
-    with serving(ROBOT, "--stand-at", "0 0 200 -60 120 -90") as server:
+    with serving(ROBOT, "--machine", "stand-at=0 0 200 -60 120 -90") as server:
         session = python.replace("29536", str(server.port))
         shown = subprocess.run(
             [sys.executable, "-W", "error", "-c", session], capture_output=True, text=True, check=False

@@ -50,7 +50,7 @@ def test_live_it_makes_the_same_edges_as_in_virtual_time(
 ) -> None:
     """The edges agree to the count, from the servo tick in which the motion begins, and the verifier passes them."""
     live = Path(mkdtemp(dir=tmp_path))
-    with serving(ROBOT, "--boards", boards, "--out", str(live)) as server:
+    with serving(ROBOT, "--machine", f"boards={boards}", "--out", str(live)) as server:
         assert server.run("home", ROBOT, "--here", HOME) == 0
         assert server.run("run", ROBOT, points) == 0
         assert server.end(signal.SIGTERM)[0] == 0

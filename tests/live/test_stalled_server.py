@@ -40,7 +40,7 @@ def hold_up_amid(server: Server, *words: str) -> None:
     assert (command.returncode, err) == (0, ""), out
 
 
-SLOW = ("--units", "mm,deg")
+SLOW = ("-o", "units=mm,deg")
 """Says that a file which hardly moves the robot means it."""
 
 

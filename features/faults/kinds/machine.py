@@ -153,7 +153,7 @@ class Payload(MachineHarm):
     do: ClassVar[str] = "payload"
     does: ClassVar[str] = (
         "the payload has another mass; only with motors that turn with the board (`run --motors=loop`,"
-        " `serve --motors`)"
+        " `serve --machine motors`)"
     )
     ends: ClassVar[str] = "another `payload`"
     once: ClassVar[bool] = True
@@ -179,7 +179,7 @@ def check_motors(harm: Harm, *, turning: bool) -> None:
     if isinstance(harm, Payload) and not turning:
         raise InputError(
             f"payload_kg: {harm.payload_kg:g} kg: only motors that turn with the board feel it:"
-            " run --motors=loop, serve --motors, or MotorOptions in a test"
+            " run --motors=loop, serve --machine motors, or MotorOptions in a test"
         )
 
 

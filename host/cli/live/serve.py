@@ -68,7 +68,7 @@ _NAMED: Final = (*(each.name for group in (EndpointOptions, RecordingOptions) fo
 """Arguments of a served board that errors name by their options."""
 
 
-@command("lab-scara --control-port 0", "warehouse-scara --boards 4,2 --out out/live --port 0")
+@command("lab-scara --control-port 0", "warehouse-scara --machine boards=4,2 --out out/live --port 0")
 def serve(
     which: RobotOptions,
     endpoint: EndpointOptions,
@@ -160,7 +160,7 @@ def _warn_outside(robot: "Robot", machine: MachineOptions) -> None:
     try:
         check_goal(robot, standing)
     except InputError as error:
-        warn(f"--stand-at: {error}")
+        warn(f"--machine stand-at: {error}")
 
 
 def _run(served: "ServedBoard", announce: Callable[[], None], *, quiet: bool) -> BusError | RecordingError | None:

@@ -1,15 +1,16 @@
 """Choose the motion of `steptwin run`: a job, a program or a trajectory file, as fast as the options ask for."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
-from steptwin.host.cli.arguments import AnswerOptions, check_percent, positive_number
-from steptwin.host.cli.options import given_options, naming_options, option, with_options
+from steptwin.host.cli.arguments import AnswerOptions, finite_number, positive_number
+from steptwin.host.cli.options import naming_options, option, with_options
 from steptwin.host.cli.output import say, warn
-from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.host.common.choices import name_value_pairs
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import drive_model
 
@@ -22,9 +23,6 @@ if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
 
 
-InterpolationName = Literal["spline", "linear", "stop"]
-"""The values of `steptwin.host.planning.trajectory_file.Interpolation`, which is imported only when it is needed."""
-
 _SHOWN: Final = 0.0005
 """Smallest departure that three decimals show."""
 
@@ -35,89 +33,84 @@ _KINDS: Final = {
     None: "cubics between velocities",
 }
 _REMEDIES: Final = {
-    "spline": "--interpolate linear or stop keeps closer, and so do more points",
-    "linear": "--interpolate stop keeps closer, and so does more time",
+    "spline": "-o interpolate=linear or stop keeps closer, and so do more points",
+    "linear": "-o interpolate=stop keeps closer, and so does more time",
 }
 _REMEDY_FOR_THE_TOOL: Final = "more points or a program's `line` steps keep closer"
 """Between the poses of a file the tool follows the joints, whatever the interpolation."""
 
 
-@dataclass(frozen=True, slots=True)
-class FileOptions:
-    """The options that only a trajectory file takes; None where one is not given."""
-
-    interpolate: InterpolationName | None = option(
-        "spline|linear|stop",
-        "Motion between a file's points: a spline, straight lines of the joints with blends, or with stops.",
-    )
-    ramps: float | None = option(
-        "SECONDS", "Duration of a run-in and run-out for a file that is in motion there.", read=positive_number
-    )
-    units: str | None = option("rad,m", "Units of a file's angles, deg or rad, and of its lengths, mm or m.")
-
-    def refuse(self) -> None:
-        """Raise InputError for an option that is given, beside a job or a program."""
-        for name, value in given_options(self).items():
-            text = f"{value:g}" if isinstance(value, float) else value
-            raise InputError(f"{name} {text}: is for a trajectory file")
-
-    def read(
-        self, robot: "Robot", path: str, options: dict[str, str], drives: "DriveLimits | None" = None
-    ) -> "FileMotion":
-        """Return the motion in a file; raise InputError as `read_trajectory` does, or for a job's options."""
-        from steptwin.host.planning.trajectory_file import read_file_motion
-
-        for name in options:
-            if name not in ("elbow", "law"):
-                raise InputError(f"option {name}: a trajectory from a file has no options")
-        with naming_options("interpolate", "elbow", "units", "law", ramps_s="--ramps"):
-            return read_file_motion(
-                path,
-                robot,
-                interpolate=self.interpolate,
-                ramps_s=self.ramps or 0.0,
-                elbow=options.get("elbow"),
-                units=self.units,
-                law=options.get("law"),
-                drives=drives,
-            )
+_LEFT: Final = "left_percent"
+"""Option of fastest motions: percent of the drives' torque that are left."""
+_OF_FILES: Final = ("interpolate", "ramps_s", "units", "elbow", "law")
+"""Options of trajectory files besides."""
 
 
 @dataclass(frozen=True, slots=True)
-class SpeedOptions:
-    """The options that make a motion slower, or as fast as the motors manage; None where one is not given."""
+class MotionOptions:
+    """The options of a motion: those of its job or file, and how much slower it is made."""
 
+    pairs: list[str] | None = option(
+        "NAME=VALUE",
+        "Set an option of the job (`steptwin jobs ROBOT` lists them); of a trajectory file: interpolate=spline, linear"
+        " or stop, ramps_s=SECONDS, units=rad,m, elbow=right or left, law=fastest; with law=fastest"
+        " left_percent=PERCENT. Repeatable (docs/trajectory-files.md).",
+        "--option",
+        "-o",
+    )
     stretch: str | None = option(
         "FACTOR|auto", "Make the motion this many times slower; auto: just as slow as it must be."
     )
-    speed: str | None = option("PERCENT", "Speed of the motion, from 1: 50 is the same as --stretch 2.")
-    left_percent: float | None = option(
-        "PERCENT", "With --law fastest: as fast as the motors manage, with so much of their torque left, such as 30."
-    )
 
-    @property
-    def given(self) -> bool:
-        """True if the motion is to be slower."""
-        return self.stretch is not None or self.speed is not None
+    def by_name(self) -> dict[str, str]:
+        """Return the options by name; raise InputError for one of another form, or one that is given twice."""
+        return name_value_pairs(self.pairs or [])
+
+    def of_job(self) -> dict[str, str]:
+        """Return those that the job or the file takes; raises as `by_name`."""
+        return {name: text for name, text in self.by_name().items() if name != _LEFT}
 
     def drives(self, robot: "Robot") -> "DriveLimits | None":
-        """Return the motors that limit the motion; None without the option."""
-        if self.left_percent is None:
+        """Return the drives that limit the motion; None unless so much of their torque is to be left."""
+        text = self.by_name().get(_LEFT)
+        if text is None:
             return None
         from steptwin.host.planning.drives import AskedLimits, known_drives
 
-        with prefixed("--left-percent: "):
-            return AskedLimits(self.left_percent).drives(robot, known_drives())
+        percent = finite_number(text, f"option {_LEFT}")
+        with prefixed(f"option {_LEFT}: "):
+            return AskedLimits(percent).drives(robot, known_drives())
 
     def factor(self) -> float | None:
-        """Return how many times slower the motion is to be; None without either option, and for `--stretch auto`."""
-        if self.stretch is not None and self.speed is not None:
-            raise InputError(f"--stretch {self.stretch} --speed {self.speed}: give only one of them")
-        if self.speed is not None:
-            percent = positive_number(self.speed, "--speed")
-            check_percent(percent, "--speed")
-            return 100.0 / percent
+        """Return how many times slower the motion is to be; None for no slower, and for `--stretch auto`."""
         return None if self.stretch in (None, "auto") else positive_number(self.stretch, "--stretch")
+
+
+AS_PLANNED: Final = MotionOptions(None, None)
+"""No options: a motion as its job or file has it."""
+
+
+def _read_file(
+    robot: "Robot", path: str, options: Mapping[str, str], drives: "DriveLimits | None" = None
+) -> "FileMotion":
+    """Return the motion in a trajectory file; raise InputError as `read_trajectory`, or for an unknown option."""
+    from steptwin.host.planning.trajectory_file import read_file_motion
+
+    for name in options:
+        if name not in _OF_FILES:
+            raise unknown("option", name, (*_OF_FILES, _LEFT))
+    ramps_s = options.get("ramps_s")
+    with naming_options(**{name: f"-o {name}=" for name in _OF_FILES}):
+        return read_file_motion(
+            path,
+            robot,
+            interpolate=options.get("interpolate"),
+            ramps_s=0.0 if ramps_s is None else positive_number(ramps_s, "option ramps_s"),
+            elbow=options.get("elbow"),
+            units=options.get("units"),
+            law=options.get("law"),
+            drives=drives,
+        )
 
 
 def _is(what: str) -> str:
@@ -186,25 +179,28 @@ class ChosenMotion:
         if large := [departure for departure in departures if departure.is_large]:
             warn(f"{path}: {_warning(file, large)}")
         if self.doubted:
-            warn(f"{path}: {with_options(self.doubted, 'units')}")
+            warn(f"{path}: {with_options(self.doubted, units='-o units=')}")
 
 
 def choose_motion(
-    robot: "Robot", job: str, options: dict[str, str], file_options: FileOptions, speed_options: SpeedOptions
+    robot: "Robot", job: str, options: Mapping[str, str], motion_options: MotionOptions = AS_PLANNED
 ) -> ChosenMotion:
-    """Return the motion that a command line names; raise InputError, with the option, if the robot cannot make it."""
-    trajectory, file, explained, is_foretold = _motion(robot, job, options, file_options, speed_options.drives(robot))
-    plan = _planned(robot, trajectory, speed_options, explained)
+    """Return the motion that a command line names, with options of its job or file.
+
+    Raises:
+        InputError: the robot cannot make it, or an option is wrong, which the message names.
+    """
+    trajectory, file, explained, is_foretold = _motion(robot, job, options, motion_options.drives(robot))
+    plan = _planned(robot, trajectory, motion_options, explained)
     model = drive_model() if is_foretold else None
     if model is not None and (forecast := model.forecast(robot, plan.trajectory)):
         warn(f"{job}: {forecast}")
-    if file is None or file_options.units:
+    if file is None or "units" in options:
         return ChosenMotion(job, plan, file)
     from steptwin.host.planning.trajectory_file import doubt
 
-    return ChosenMotion(
-        job, plan, file, doubt(file, plan, lambda units: replace(file_options, units=units).read(robot, job, options))
-    )
+    doubted = doubt(file, plan, lambda units: _read_file(robot, job, {**options, "units": units}))
+    return ChosenMotion(job, plan, file, doubted)
 
 
 _Explained = Callable[[float], AbstractContextManager[None]]
@@ -220,33 +216,30 @@ class _Motion(NamedTuple):
     is_foretold: bool = False
 
 
-def _motion(
-    robot: "Robot", job: str, options: dict[str, str], file_options: FileOptions, drives: "DriveLimits | None"
-) -> _Motion:
+def _motion(robot: "Robot", job: str, options: Mapping[str, str], drives: "DriveLimits | None") -> _Motion:
     """Return the motion that a command line names."""
     from steptwin.host.planning.jobs import job_names, make_job
     from steptwin.host.planning.programs import SUFFIX
     from steptwin.host.planning.trajectory_file import SUFFIXES, is_trajectory_file
 
     if is_trajectory_file(job):
-        file = file_options.read(robot, job, options, drives)
+        file = _read_file(robot, job, options, drives)
         return _Motion(file.trajectory, file, file.explained)
-    file_options.refuse()
     if job.endswith(SUFFIX):
         if drives is not None:
-            raise InputError("--left-percent: a program asks itself, by [limits] left_percent (docs/motors.md)")
+            raise InputError(f"option {_LEFT}: a program asks itself, by [limits] left_percent (docs/motors.md)")
         return _program(robot, job, options)
     if Path(job).is_file():
         raise InputError(f"{job}: a trajectory file ends in {', '.join(SUFFIXES)}")
     here = [name for suffix in (SUFFIX, *SUFFIXES) if Path(name := f"{job}{suffix}").is_file()]
     if here and job not in job_names(robot):
         raise InputError(f"job {job!r} is unknown: did you mean {' or '.join(here)}, the file here?")
-    with naming_options("law"):
-        motion = make_job(robot, job, options, drives=drives)
+    with naming_options(law="-o law="):
+        motion = make_job(robot, job, dict(options), drives=drives)
     return _Motion(motion, None, lambda _: nullcontext())
 
 
-def _program(robot: "Robot", path: str, options: dict[str, str]) -> _Motion:
+def _program(robot: "Robot", path: str, options: Mapping[str, str]) -> _Motion:
     from steptwin.host.planning.drives import known_drives
     from steptwin.host.planning.programs import compile_program, read_program
 
@@ -272,13 +265,13 @@ def _program(robot: "Robot", path: str, options: dict[str, str]) -> _Motion:
     return _Motion(compiled.trajectory, None, explained, program.limits is None)
 
 
-def _planned(robot: "Robot", trajectory: "Trajectory", speed_options: SpeedOptions, explained: _Explained) -> "Plan":
+def _planned(robot: "Robot", trajectory: "Trajectory", options: MotionOptions, explained: _Explained) -> "Plan":
     """Plan a motion as slow as the options want it, and say what that makes of it."""
     from steptwin.host.planning.planner import plan, plan_stretched
 
-    factor = speed_options.factor()
-    with naming_options("stretch", "interpolate", ramps_s="--ramps"), explained(factor or 1.0):
-        if not speed_options.given:
+    factor = options.factor()
+    with naming_options("stretch", interpolate="-o interpolate=", ramps_s="-o ramps_s="), explained(factor or 1.0):
+        if options.stretch is None:
             return plan(robot, trajectory)
         planned = plan_stretched(robot, trajectory, factor)
     new_s, old_s = planned.trajectory.duration_s, trajectory.duration_s

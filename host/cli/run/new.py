@@ -30,8 +30,12 @@ if TYPE_CHECKING:
 class RobotSource(Protocol):
     """A feature's options of `steptwin new`: what makes a robot of another kind of file."""
 
-    def robot(self, name: str, kind: str | None, given: dict[str, str]) -> "NewRobot | None":
-        """Return the robot; None if the options name no file. Raises InputError for options that do not go together."""
+    def robot(self, name: str, kind: str | None, given: dict[str, str], original: str | None) -> "NewRobot | None":
+        """Return the robot of the file that the options name, or that --from names (`original`); None without one.
+
+        Raises:
+            InputError: the options do not go together, or something is wrong in the file.
+        """
         ...
 
 
@@ -41,9 +45,9 @@ class SourceOptions:
 
     sources: Sequence[RobotSource] = of_features("new_options")
 
-    def robot(self, name: str, kind: str | None, given: dict[str, str]) -> "NewRobot | None":
+    def robot(self, name: str, kind: str | None, given: dict[str, str], original: str | None) -> "NewRobot | None":
         """Return the robot of the file that is named; None without one."""
-        made = (source.robot(name, kind, given) for source in self.sources)
+        made = [source.robot(name, kind, given, original) for source in self.sources]
         return next((robot for robot in made if robot is not None), None)
 
 
@@ -56,7 +60,9 @@ def new(
     others: SourceOptions,
     file: str = argument("FILE", "File to write; the robot gets its name, without .toml.", MISSING),
     original: str | None = option(
-        "ROBOT", "Copy the file of a robot that StepTwin brings, under the new name.", "--from"
+        "ROBOT|FILE",
+        "Copy the file of a robot that StepTwin brings, under the new name, or make it of a file of another kind.",
+        "--from",
     ),
     kind: str | None = option("KIND", "Kind of the mechanism; asked for on a terminal."),
     settings: list[str] | None = option("KEY=VALUE", "A dimension or a joint's value; may be repeated.", "--set"),
@@ -104,19 +110,14 @@ def new(
         raise InputError(f"{file}: does not end in {SUFFIX}: a robot file does, such as {named}")
     keep_files([path], replace=replace)
     given = name_value_pairs(settings or [])
-    if original is not None:
-        _copy(
-            answer,
-            path,
-            original,
-            [*(["--kind"] if kind else []), *(["--set"] if given else []), *given_options(others)],
-        )
-        return
-    made = others.robot(path.stem, kind, given)
-    if made:
+    if made := others.robot(path.stem, kind, given, original):
         write_whole(path, made.text)
         document = {"kind": made.kind, "dimensions": made.geometry, "joints": made.joints, "notes": made.notes}
         _tell(answer, file, document)
+        return
+    if original is not None:
+        foreign = [*(["--kind"] if kind else []), *(["--set"] if given else []), *given_options(others)]
+        _copy(answer, path, original, foreign)
         return
     if kind is None:
         kind = _asked_kind()

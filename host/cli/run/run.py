@@ -7,34 +7,18 @@ from typing import TYPE_CHECKING
 from steptwin.host.cli.app import command, end_unless
 from steptwin.host.cli.arguments import PlanningOptions
 from steptwin.host.cli.live.connection import SessionOptions, live_option, live_switch
-from steptwin.host.cli.options import argument, given_options, naming_options, option
+from steptwin.host.cli.options import argument, given_options, naming_options
 from steptwin.host.cli.output import fixed, print_table, progress_bar, say
-from steptwin.host.cli.run.chosen_motion import ChosenMotion, FileOptions, SpeedOptions, choose_motion
+from steptwin.host.cli.run.chosen_motion import ChosenMotion, MotionOptions, choose_motion
 from steptwin.host.cli.run.hooks import prepare_run
 from steptwin.host.cli.run.verdict_text import print_waits
 from steptwin.host.cli.run.virtual_run import VirtualRunOptions, run_virtual
 from steptwin.host.common.bad_input import prefixed
-from steptwin.host.common.choices import name_value_pairs
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
     from steptwin.host.operate.running import LiveOutcome
     from steptwin.host.robots.robot import Robot
-
-
-@dataclass(frozen=True, slots=True)
-class JobOptions:
-    """The options that a job has itself."""
-
-    pairs: list[str] | None = option("NAME=VALUE", "Set a job's option; repeatable.", "--option", "-o")
-    elbow: str | None = option("right|left", "Short for -o elbow=...; also for a file of poses.")
-
-    law: str | None = option("fastest", "Short for -o law=...; `fastest` also for a file: its path in the least time.")
-
-    def by_name(self) -> dict[str, str]:
-        """Return the options by name; raise InputError for one of another form, or one that is given twice."""
-        short = {"elbow": self.elbow, "law": self.law}
-        return name_value_pairs(self.pairs or []) | {name: text for name, text in short.items() if text is not None}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,9 +40,7 @@ class LiveRunOptions(SessionOptions):
     "teaching-scara carry --approach --connect 127.0.0.1",
 )
 def run(
-    chosen: JobOptions,
-    file_options: FileOptions,
-    speed_options: SpeedOptions,
+    options: MotionOptions,
     planning: PlanningOptions,
     virtual: VirtualRunOptions,
     live: LiveRunOptions,
@@ -75,9 +57,9 @@ def run(
     at the end are compared with the plan.
     """
     robot, rest = _robot_and_rest(live, words)
-    prepared = prepare_run(virtual.hooks, robot, rest, chosen.by_name())
+    prepared = prepare_run(virtual.hooks, robot, rest, options.of_job())
     with planning.bounded():
-        motion = choose_motion(robot, prepared.job, dict(prepared.options), file_options, speed_options)
+        motion = choose_motion(robot, prepared.job, prepared.options, options)
     if live.address.connection(robot) is None:
         live.refuse()
         run_virtual(live, motion, prepared, virtual)

@@ -45,7 +45,7 @@ class VirtualRunOptions:
         "Form of the firmware's kernel, such as python or numba (compiled), or auto: the one that ends soonest.",
         default="auto",
     )
-    machine: Annotated[MachineOptions, Without(("bitrate",))]
+    machine: Annotated[MachineOptions, Without(())]
 
     def refuse(self) -> None:
         """Raise InputError for an option that is given, with a live board."""

@@ -26,23 +26,21 @@ class Spelling(NamedTuple):
     """How an option is written on the command line and in Python, and what it is.
 
     Attributes:
-        option: its name on the command line.
+        key: its key on the command line, as in `--machine KEY=VALUE`.
         value: the word for its value there; empty for a switch.
         example: a value in Python.
         says: what it does.
         read: makes the value from the text; from the list of texts if the option is repeatable.
         repeatable: True if the option may stand several times.
-        short: its name in one letter; empty if it has none.
         served: True if on the command line it is for served boards only.
     """
 
-    option: str
+    key: str
     value: str
     example: str
     says: str
     read: Callable[[Any], Any] = lambda text: text
     repeatable: bool = False
-    short: str = ""
     served: bool = False
 
 
@@ -111,7 +109,7 @@ class MachineKeywords(TypedDict, total=False):
 
 
 _STANDING = Spelling(
-    option="--stand-at",
+    key="stand-at",
     value="'Q1 Q2 ...'",
     example='{"th2": 10.0}',
     says="Joints where the machine stands, in mm and degrees; by default its home, or where the motion or the recording"
@@ -119,7 +117,7 @@ _STANDING = Spelling(
     read=_positions,
 )
 _DRIVERS = Spelling(
-    option="--driver-profile",
+    key="driver-profile",
     value="NAME",
     example='"3a-module"',
     says="Put other drivers on the emulated board, unknown to planner and firmware (docs/driver.md): chip-100pf,"
@@ -128,7 +126,7 @@ _DRIVERS = Spelling(
     " current_a and the like.",
 )
 _DIP = Spelling(
-    option="--dip-microsteps",
+    key="dip-microsteps",
     value="JOINT=N",
     example='{"th2": 8}',
     says="Set the switches M1 and M2 of a joint's driver module to other microsteps than the robot file's; repeatable.",
@@ -136,14 +134,14 @@ _DIP = Spelling(
     repeatable=True,
 )
 _BOARDS = Spelling(
-    option="--boards",
+    key="boards",
     value="N,N,...",
     example="[4, 2]",
     says="Axes on each board, in the joints' order; by default one board has all.",
     read=read_axes_per_board,
 )
 _CRYSTAL = Spelling(
-    option="--crystal",
+    key="crystal",
     value="PPM,...",
     example="[100, -100]",
     says="How fast each board's crystal is, from -1000 to 1000 parts per million.",
@@ -152,8 +150,7 @@ _CRYSTAL = Spelling(
 
 
 _BITRATE = Spelling(
-    option="--bitrate",
-    short="-b",
+    key="bitrate",
     value="BIT/S",
     example="500_000",
     says="Bit rate of the bus; by default the robot file's.",

@@ -394,12 +394,12 @@ def test_what_a_motion_that_never_begins_has_met(
     assert report.reasons[-1].startswith("no motion began: a frame has waited 1 s for the bus: ")
     path = tmp_path / "pressed.toml"
     path.write_text('name = "early"\n[[fault]]\npower_up_s = 0.001\ndo = "estop"\npressed = true\n')
-    assert run(["run", "teaching-scara", "carry", "--faults", str(path)]) == 3
+    assert run(["run", "teaching-scara", "carry", "--machine", f"faults={path}"]) == 3
     out, err = capsys.readouterr()
     assert err == "steptwin: th1: cannot be enabled, the drive is in FAULT\n"
     assert "at 0.001 s" in out
     assert "\nscenario early: FAILED, 1 of 1 faults struck, seed 0\n  no motion began: " in out
-    assert run(["run", "teaching-scara", "carry", "--faults", str(path), "--json"]) == 3
+    assert run(["run", "teaching-scara", "carry", "--machine", f"faults={path}", "--json"]) == 3
     document = json.loads(capsys.readouterr().out)
     assert (document["passed"], document["scenario"]["passed"], document["faults"][0]["strikes"]) == (False, False, 1)
 

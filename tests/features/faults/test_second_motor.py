@@ -30,7 +30,7 @@ def test_a_motor_that_loses_steps_skews_the_beam(
     """12 full steps are 2.4 mm and 16 are 3.2 mm, both sides of the 3 mm allowed; the beam's middle is off by half."""
     scenario = tmp_path / "slip.toml"
     scenario.write_text(slip(full_steps))
-    report = run_json(capsys, "run", *files, "--faults", str(scenario))
+    report = run_json(capsys, "run", *files, "--machine", f"faults={scenario}")
     assert not report["passed"]
     (skew,) = report["skews"]
     apart_mm = full_steps * 0.2
@@ -46,5 +46,5 @@ def test_the_report_for_people_tells_the_skew(
 ) -> None:
     scenario = tmp_path / "slip.toml"
     scenario.write_text(slip(-12))
-    assert run(["run", *files, "--faults", str(scenario)]) == 0
+    assert run(["run", *files, "--machine", f"faults={scenario}"]) == 0
     assert "Y2: up to 2.4000 mm apart from Y, at the end -2.4000 mm" in capsys.readouterr().out

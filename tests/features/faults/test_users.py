@@ -40,7 +40,7 @@ def written(folder: Path, *faults: str) -> str:
 def test_verify_says_which_faults_a_run_had(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """What is wrong with a run may have been meant."""
     out = str(tmp_path / "out")
-    run(["run", "teaching-scara", "carry", "--faults", written(tmp_path, STOP, LATE), "--out", out])
+    run(["run", "teaching-scara", "carry", "--machine", f"faults={written(tmp_path, STOP, LATE)}", "--out", out])
     capsys.readouterr()
     assert run(["verify", out]) == 3
     printed = capsys.readouterr().out
@@ -81,15 +81,15 @@ def test_run_says_what_answered(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 def test_run_refuses_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = written(tmp_path, STOP.replace("estop", "estpo"))
-    assert run(["run", "teaching-scara", "carry", "--faults", path]) == 2
+    assert run(["run", "teaching-scara", "carry", "--machine", f"faults={path}"]) == 2
     assert capsys.readouterr().err == f"steptwin: {path}: fault 1: do 'estpo' is unknown: did you mean estop?\n"
-    assert run(["run", "teaching-scara", "carry", "--faults", path, "--connect", "127.0.0.1"]) == 2
-    assert "--faults: is for a run in virtual time" in capsys.readouterr().err
+    assert run(["run", "teaching-scara", "carry", "--machine", f"faults={path}", "--connect", "127.0.0.1"]) == 2
+    assert "--machine faults: is for a run in virtual time" in capsys.readouterr().err
     heavy = written(tmp_path, 'at_s = 0.1\ndo = "payload"\npayload_kg = 2.5\n')
-    assert run(["run", "teaching-scara", "carry", "--faults", heavy]) == 2
+    assert run(["run", "teaching-scara", "carry", "--machine", f"faults={heavy}"]) == 2
     assert capsys.readouterr().err == (
         "steptwin: 1 payload: payload_kg: 2.5 kg: only motors that turn with the board feel it:"
-        " run --motors=loop, serve --motors, or MotorOptions in a test\n"
+        " run --motors=loop, serve --machine motors, or MotorOptions in a test\n"
     )
 
 

@@ -173,7 +173,7 @@ def test_a_server_warns_of_homings_that_stall(tmp_path: Path, capsys: pytest.Cap
     steep = tmp_path / "steep.toml"
     steep.write_text(load_robot("lab-scara").toml.replace("acceleration = 45.0", "acceleration = 720.0"))
     for robot, warned in (("lab-scara", []), (str(steep), ["th2: homing stalls at 720 deg/s2"])):
-        assert run(["serve", robot, "--motors", "--port", "70000"]) == 2
+        assert run(["serve", robot, "--machine", "motors", "--port", "70000"]) == 2
         *warnings, refusal = capsys.readouterr().err.splitlines()
         assert [line.removeprefix("steptwin: warning: ").partition(" where")[0] for line in warnings] == warned
         assert "--port 70000" in refusal

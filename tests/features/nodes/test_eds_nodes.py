@@ -84,6 +84,6 @@ def test_a_damaged_file_is_read_or_refused(
 def test_the_command_ends_in_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     broken = tmp_path / "b.eds"
     broken.write_text("[DeviceInfo]\n", encoding="utf-8")
-    assert run(["serve", "lab-scara", "--node", f"0x40={broken}"]) == 2
+    assert run(["serve", "lab-scara", "--machine", f"node=0x40={broken}"]) == 2
     lines = capsys.readouterr().err.splitlines()
-    assert lines == [f"steptwin: --node 0x40={broken}: has no objects, so it is no EDS"]
+    assert lines == [f"steptwin: --machine node=0x40={broken}: has no objects, so it is no EDS"]

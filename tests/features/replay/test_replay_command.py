@@ -58,7 +58,7 @@ def test_without_the_run_the_machine_stands_where_it_is_said(other: Path, capsys
     assert document["equal"]
     assert document["clock"] == "wall"
     assert document["against"] is document["step_shift_us_max"] is None
-    elsewhere = run_json(capsys, *words, "--stand-at", "10 0 0 0")
+    elsewhere = run_json(capsys, *words, "--machine", "stand-at=10 0 0 0")
     assert elsewhere["equal"]  # a board without memory of its position does not know where it stands
 
 
@@ -94,8 +94,8 @@ def test_bad_input_is_one_line(
     refusal(capsys, "replay", log)
     refusal(capsys, "replay", log, "lab-skara")
     refusal(capsys, "replay", log, "lab-scara", "-b", "9600")
-    refusal(capsys, "replay", log, "lab-scara", "--boards", "9")
+    refusal(capsys, "replay", log, "lab-scara", "--machine", "boards=9")
     refusal(capsys, "replay", log, "lab-scara", "-c", "can7")
-    refusal(capsys, "replay", log, "lab-scara", "--stand-at", "1 2 3")
+    refusal(capsys, "replay", log, "lab-scara", "--machine", "stand-at=1 2 3")
     refusal(capsys, "replay", log, "lab-scara", "--against", str(carry_run))
     refusal(capsys, "replay", log, "lab-scara", "--against", str(tmp_path))

@@ -131,7 +131,7 @@ def test_without_a_boot_up_it_says_what_to_do(
     [
         (["--seconds", "0"], "--seconds 0: is not above 0 and finite"),
         (["--join", "nowhere"], "nowhere"),
-        (["--stand-at", "1 2"], "--stand-at"),
+        (["--machine", "stand-at=1 2"], "--machine stand-at"),
     ],
 )
 def test_bad_input(

@@ -29,7 +29,7 @@ def test_the_file_is_written_after_a_verified_run_only(tmp_path: Path, capsys: p
     written = path.read_bytes()
     for words, code, said in (
         (["store", "screws"], 2, "box 'screws': is in slot A1 already"),
-        (["fetch", "screws", "--locked-drawer", "A1"], 1, "A1: pull on a locked drawer"),
+        (["fetch", "screws", "--machine", "locked-drawer=A1"], 1, "A1: pull on a locked drawer"),
         (["fetch", "screws", "--connect", "127.0.0.1"], 2, "--inventory: is for a run in virtual time"),
         (["pull-line"], 2, "job pull-line: carries no boxes"),
     ):

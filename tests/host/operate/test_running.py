@@ -216,12 +216,15 @@ def test_the_command(steptwin: CommandLine) -> None:
     assert err.endswith("; --approach moves it there first\n")
     for options, message in (
         ("--out somewhere", "--out: is for a run in virtual time, without --connect or -i"),
-        ("--stand-at '1 2'", "--stand-at: is for a run in virtual time, without --connect or -i"),
+        ("-m stand-at=1", "--machine stand-at: is for a run in virtual time, without --connect or -i"),
         ("--cut-stream 1", "--cut-stream: is for a run in virtual time, without --connect or -i"),
         ("--input part=on@1", "--input: is for a run in virtual time, without --connect or -i"),
         ("--motors", "--motors: is for a run in virtual time, without --connect or -i"),
         ("--kernel python", "--kernel: is for a run in virtual time, without --connect or -i"),
-        ("--driver-profile 3a-module", "--driver-profile: is for a run in virtual time, without --connect or -i"),
+        (
+            "-m driver-profile=3a-module",
+            "--machine driver-profile: is for a run in virtual time, without --connect or -i",
+        ),
     ):
         assert steptwin.run(f"run warehouse-scara pull-line {options}") == (2, "", f"steptwin: {message}\n")
 

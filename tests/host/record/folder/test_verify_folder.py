@@ -240,8 +240,8 @@ def test_other_drivers_get_the_same_verdict(
     command = [
         "run",
         *motion,
-        "--driver-profile",
-        profile,
+        "--machine",
+        f"driver-profile={profile}",
         "--out",
         str(tmp_path),
         "--json",

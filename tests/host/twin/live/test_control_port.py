@@ -177,7 +177,7 @@ def test_the_command(served: ServedBoard, client: ControlClient, capsys: pytest.
         ("protect", "th5", "on"): "joint 'th5' is unknown: did you mean th4 or th3 or th2?",
         ("slip", "th2", "1.5"): "full_steps: '1.5' is not a whole number",
         ("payload", "1"): "payload_kg: 1 kg: only motors that turn with the board feel it: run --motors=loop,"
-        " serve --motors, or MotorOptions in a test",
+        " serve --machine motors, or MotorOptions in a test",
         ("loss", "sync", "receiver=2"): "receiver: 2 is not from 0 to 1, the number of boards",
         (
             "slip",

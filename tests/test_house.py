@@ -1,18 +1,20 @@
-"""Every file and every name that the pages about the code mention exists, docs/overview.md above all."""
+"""Every file and every name that the pages about the code mention exists, docs/house.md above all."""
 
 import ast
 import re
 from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
 import steptwin
+from steptwin.host.common.features import Feature
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
-OVERVIEW = (DOCS / "overview.md").read_text(encoding="utf-8")
-PAGES = ("benchmarks", "canopen", "driver", "firmware", "motions", "overview", "protocol", "robots", "waveforms")
+HOUSE = (DOCS / "house.md").read_text(encoding="utf-8")
+PAGES = ("benchmarks", "board", "canopen", "driver", "firmware", "house", "motions", "protocol", "robots", "waveforms")
 
 PLACE = re.compile(r"([\w.-]+/[\w./-]*|[\w-]+\.(?:py|toml|md)|Makefile)(?:: (\w+(?:\.\w+)*(?:, \w+(?:\.\w+)*)*))?")
 """A path, perhaps with names that the file defines: `host/planning/planner.py: plan`."""
@@ -77,22 +79,23 @@ def test_every_place_exists(page: str, members: set[str]) -> None:
     assert [fault for span in spans for fault in faults(span, members)] == []
 
 
-def test_the_overview_names_places() -> None:
-    assert sum(1 for span in code_spans(OVERVIEW) if PLACE.fullmatch(span)) > 80
-
-
-def test_every_folder_and_room_is_in_the_house() -> None:
+def test_every_folder_is_in_the_house() -> None:
     packages = [*ROOT.glob("*/__init__.py"), *ROOT.glob("host/*/__init__.py")]
     folders = {f"`{path.parent.relative_to(ROOT).as_posix()}/`" for path in packages}
     assert len(folders) > 14
-    assert {folder for folder in folders if folder not in OVERVIEW} == set()
+    assert {folder for folder in folders if folder not in HOUSE} == set()
 
 
-def test_the_questions_are_answered() -> None:
-    """Each row of the table "Where do I change ...?" names at least one place."""
-    table = OVERVIEW.partition("## Where do I change ...?")[2].partition("\n## ")[0]
-    rows = [line for line in table.splitlines() if line.startswith("| ") and not line.startswith("| **")][1:]
-    assert len(rows) >= 30
+def test_every_extension_point_is_in_the_house() -> None:
+    given = {each.name for each in fields(Feature)} - {"name"}
+    assert {name for name in given if f"`{name}`" not in HOUSE} == set()
+
+
+def test_it_is_short_and_says_where() -> None:
+    """A newcomer reads it whole; each row of the last table names at least one place."""
+    assert len(HOUSE.split()) <= 1500
+    rows = [line for line in HOUSE.partition("## To add")[2].splitlines() if line.startswith("| ")][1:]
+    assert 10 <= len(rows) <= 15
     for row in rows:
         assert any(PLACE.fullmatch(span) for span in code_spans(row)), row
 

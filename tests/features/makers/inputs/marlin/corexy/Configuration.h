@@ -1,0 +1,35 @@
+#define CONFIGURATION_H_VERSION 02010300
+#define COREXY
+#define BIG_ONE
+#if ENABLED(BIG_ONE) && !defined(SMALL_ONE)
+  #define X_BED_SIZE 330
+  #define Y_BED_SIZE 330
+#elif ENABLED(SMALL_ONE)
+  #define X_BED_SIZE 200
+  #define Y_BED_SIZE 200
+#else
+  #define X_BED_SIZE 1
+#endif
+#define X_DRIVER_TYPE  TMC2209
+#define Y_DRIVER_TYPE  TMC2209
+#define Z_DRIVER_TYPE  TMC2209
+#define Z2_DRIVER_TYPE TMC2209
+#define X_FULL_STEPS 200.0
+#define X_USTEPS 16
+#define BELT_PITCH 2
+#define PULLEY_TEETH 20
+#define XY_STEPS ((X_FULL_STEPS) * (X_USTEPS) / ((BELT_PITCH) * (PULLEY_TEETH)))
+#define DEFAULT_AXIS_STEPS_PER_UNIT { XY_STEPS, XY_STEPS, BIG_ONE_Z ? 800 : 400, 420 }
+#define BIG_ONE_Z false
+#define DEFAULT_MAX_FEEDRATE { 300, 300, 12, 60 }
+#define DEFAULT_MAX_ACCELERATION { 3000, 3000, 200, 5000 }
+#define X_HOME_DIR 1
+#define Y_HOME_DIR 1
+#define Z_HOME_DIR -1
+#define X_MIN_POS 0
+#define Y_MIN_POS 0
+#define Z_MIN_POS 0
+#define X_MAX_POS X_BED_SIZE
+#define Y_MAX_POS Y_BED_SIZE
+#define Z_MAX_POS 350
+#define HOMING_FEEDRATE_MM_M { (80*60), (80*60), 600 }

@@ -1,0 +1,2 @@
+#define DELTA
+#define DEFAULT_AXIS_STEPS_PER_UNIT { 80, 80, 80, 90 }
