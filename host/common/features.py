@@ -298,6 +298,7 @@ class Feature:
         file_kinds: returns the kinds of its files for `steptwin check`.
         schemas: returns what gives the model of each kind of its files, by the kind, for `steptwin schema`.
         run_options: returns a dataclass of options of `steptwin run`: a `RunHook`.
+        serve_options: returns a dataclass of options of `steptwin serve`: a `ServedProgram`.
         verify_options: returns a dataclass of options of `steptwin verify`: an `OtherEvidence`.
         new_options: returns a dataclass of options of `steptwin new`: a `RobotSource`.
         telling: returns what prints its keys of documents.
@@ -335,6 +336,7 @@ class Feature:
     file_kinds: Callable[[], Sequence[FileKind]] | None = None
     schemas: Callable[[], Mapping[str, Callable[[], type[Any]]]] | None = None
     run_options: Callable[[], type[Any]] | None = None
+    serve_options: Callable[[], type[Any]] | None = None
     verify_options: Callable[[], type[Any]] | None = None
     new_options: Callable[[], type[Any]] | None = None
     telling: Callable[[], Telling] | None = None
