@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from steptwin.host.twin.machine.emulated_machine import EmulatedMachine
     from steptwin.host.twin.machine.machine_options import MachineOptions
     from steptwin.host.verify.comparison import Comparison
-    from steptwin.host.verify.figures import Figure, SeenAxis
+    from steptwin.host.verify.figures import ReportFigure, SeenAxis
     from steptwin.protocol.drivers import DriverProfile
 
 GROUP: Final = "steptwin.features"
@@ -298,6 +298,7 @@ class Feature:
         file_kinds: returns the kinds of its files for `steptwin check`.
         schemas: returns what gives the model of each kind of its files, by the kind, for `steptwin schema`.
         run_options: returns a dataclass of options of `steptwin run`: a `RunHook`.
+        serve_options: returns a dataclass of options of `steptwin serve`: a `ServedProgram`.
         verify_options: returns a dataclass of options of `steptwin verify`: an `OtherEvidence`.
         new_options: returns a dataclass of options of `steptwin new`: a `RobotSource`.
         telling: returns what prints its keys of documents.
@@ -328,13 +329,14 @@ class Feature:
     part: MakePart | None = None
     expected: "Callable[[Robot, Trajectory, Any], Any] | None" = None
     judge: "Callable[[], FeatureJudge] | None" = None
-    figures: "Callable[[], Mapping[str, Figure[SeenAxis]]] | None" = None
+    figures: "Callable[[], Mapping[str, ReportFigure[SeenAxis]]] | None" = None
     live: Callable[[], LiveWords] | None = None
     drive_model: Callable[[], DriveModel] | None = None
     requests: Callable[[], ControlRequests] | None = None
     file_kinds: Callable[[], Sequence[FileKind]] | None = None
     schemas: Callable[[], Mapping[str, Callable[[], type[Any]]]] | None = None
     run_options: Callable[[], type[Any]] | None = None
+    serve_options: Callable[[], type[Any]] | None = None
     verify_options: Callable[[], type[Any]] | None = None
     new_options: Callable[[], type[Any]] | None = None
     telling: Callable[[], Telling] | None = None

@@ -12,7 +12,7 @@ from steptwin.host.cli.output import print_table
 from steptwin.host.common.features import MachinePart
 from steptwin.host.common.file_models import FileTable, Positive
 from steptwin.host.common.tables import Table
-from steptwin.host.verify.figures import Figure, FigureLimit, SeenAxis
+from steptwin.host.verify.figures import FigureLimit, ReportFigure, SeenAxis
 
 EVERY_COUNTS, UNITS_PER_TURN = 72_000_000 // 100, 200 * 16_384  # a look each 10 ms; full steps in wire units
 
@@ -75,8 +75,8 @@ def turns(axis: SeenAxis) -> float:
 
 LIFE = FigureLimit("wear", "turns, of those that a motor lasts", lambda robot, _: robot.sections["wear"].life_turns)
 FIGURES = {  # of each axis: for report.json, a column of the verdict and, with a limit, for campaigns
-    "turns": Figure(says="turns of the motor", of=turns, heading="turns", form="{:.3f}", limit=LIFE),
-    "life_percent": Figure(says="part of its life", of=lambda axis: 100.0 / axis.seen["life_turns"] * turns(axis)),
+    "turns": ReportFigure(says="turns of the motor", of=turns, heading="turns", form="{:.3f}", limit=LIFE),
+    "life_percent": ReportFigure(says="life used", of=lambda axis: 100.0 / axis.seen["life_turns"] * turns(axis)),
 }
 
 
