@@ -14,8 +14,8 @@ _NAME: Final = "steptwin"
 def installing(*extras: str, make: str | None = None) -> str:
     """Return the command that installs extras, such as `pip install 'steptwin[plot]'`.
 
-    It names the folder of a checkout, or the file or repository from which the package was installed. `make` is a target
-    of a checkout's Makefile that installs them, too.
+    It names the folder of a checkout, or the file or repository from which the package was installed. `make` is a
+    target of a checkout's Makefile that installs them, too.
     """
     wanted = f"[{','.join(extras)}]"
     checkout = _checkout()
