@@ -1,6 +1,6 @@
-"""Measure how soon the operator's panel stops a machine: the desk here, the served board as another process.
+"""Measure how soon the operator's panel stops a machine: the service here, the served board as another process.
 
-A second client of the bus takes the times, so they are those of the bus and not of the desk's own snapshots. An axis
+A second client of the bus takes the times, so they are those of the bus and not of the service's own snapshots. An axis
 reports the end of its motion within 5 ms, the inhibit time of TPDO1.
 """
 
@@ -16,11 +16,10 @@ from rich.table import Table
 
 from steptwin.bench import bench_table, panel_page
 from steptwin.bench.live_server import Server, silence_python_can
-from steptwin.features.panel.desk.commands import DeclareHere, ResetFaults
-from steptwin.features.panel.desk.desk import Desk
-from steptwin.features.panel.desk.jogs import BEAT_S, Jog, JointJog, ToolJog
-from steptwin.features.panel.desk.requests import Command
-from steptwin.features.panel.desk.words import RefusedError
+from steptwin.features.panel.service.commands import Command, DeclareHere, Jog, JointJog, ResetFaults, ToolJog
+from steptwin.features.panel.service.guards import BEAT_S
+from steptwin.features.panel.service.messages import RefusedError
+from steptwin.features.panel.service.service import MachineService
 from steptwin.host.client.drive_status import DriveStatus, at_rest
 from steptwin.host.client.links.bus_link import Connection
 from steptwin.host.robots import load_robot
@@ -91,32 +90,32 @@ class Observer:
 
 
 class _Panel:
-    """A desk on a served board, with its observer."""
+    """A service on a served board, with its observer."""
 
     def __init__(self, server: Server) -> None:
         self.observer = Observer(server)
-        self.desk = _desk(server, ROBOT)
+        self.service = _service(server, ROBOT)
         self._press = 0
-        _await(lambda: self.desk.snapshot.connected)
-        self.desk.operators.take(_CLIENT, _CLIENT)
+        _await(lambda: self.service.snapshot.connected)
+        self.service.operator.take(_CLIENT, _CLIENT)
         self.do(DeclareHere(HERE))
-        _await(lambda: self.desk.snapshot.homed)
+        _await(lambda: self.service.snapshot.homed)
 
     def do(self, command: Command) -> None:
-        """Ask for a command, as soon as the desk takes it, and wait for its end."""
+        """Ask for a command, as soon as the service takes it, and wait for its end."""
         _await(lambda: self._takes(command))
         self.idle()
 
     def _takes(self, command: Command) -> bool:
         try:
-            self.desk.ask(_CLIENT, command, self.desk.snapshot.number)
+            self.service.ask(_CLIENT, command, self.service.snapshot.number)
         except RefusedError:  # the newest snapshot is from before a stop or a reset
             return False
         return True
 
     def idle(self) -> None:
-        """Wait until the desk has nothing to do."""
-        _await(lambda: self.desk.snapshot.activity is None and not self.observer.moving)
+        """Wait until the service has nothing to do."""
+        _await(lambda: self.service.snapshot.activity is None and not self.observer.moving)
 
     def hold(self, jog: Jog) -> tuple[int, float]:
         """Hold a button until the machine has moved for a while; return the press and the time of the last beat.
@@ -129,7 +128,7 @@ class _Panel:
         while True:
             beat_s = time.monotonic()
             try:
-                self.desk.beat(_CLIENT, self._press, jog, self.desk.snapshot.number)
+                self.service.beat(_CLIENT, self._press, jog, self.service.snapshot.number)
             except RefusedError:
                 self._press += 1
                 began_s = None
@@ -150,7 +149,7 @@ class _Panel:
         """Return the time from the release of a button to standstill."""
         press, _ = self.hold(jog)
         released_s = time.monotonic()
-        self.desk.release(_CLIENT, press)
+        self.service.release(_CLIENT, press)
         return self.rest_ms(released_s)
 
     def silent(self, jog: Jog) -> float:
@@ -162,19 +161,19 @@ class _Panel:
         """Return the times from the call of an emergency stop to the quick stop on the bus, and to power off."""
         self.hold(jog)
         called_s = time.monotonic()
-        self.desk.emergency_stop()
+        self.service.emergency_stop()
         _await(lambda: self.observer.sync_s > called_s)
         stopped_ms = 1000 * (self.observer.sync_s - called_s)
-        _await(lambda: all(joint.drive_state == "FAULT" for joint in self.desk.snapshot.joints))
+        _await(lambda: all(joint.drive_state == "FAULT" for joint in self.service.snapshot.joints))
         off_ms = 1000 * (time.monotonic() - called_s)
         self.idle()
         self.do(ResetFaults())
-        _await(lambda: not self.desk.snapshot.emergency_stopped)
+        _await(lambda: not self.service.snapshot.emergency_stopped)
         return stopped_ms, off_ms
 
     def close(self) -> None:
         """Leave the bus."""
-        self.desk.close()
+        self.service.close()
         self.observer.close()
 
 
@@ -185,8 +184,10 @@ def _await(condition: Callable[[], bool]) -> None:
         time.sleep(0.001)
 
 
-def _desk(server: Server, robot: Robot) -> Desk:
-    return Desk(Connection("socketcand", None, None, "127.0.0.1", server.port), robot)
+def _service(server: Server, robot: Robot) -> MachineService:
+    service = MachineService(Connection("socketcand", None, None, "127.0.0.1", server.port), robot)
+    service.start()
+    return service
 
 
 def measure(times: int = TIMES) -> list[DelayRow]:
@@ -218,7 +219,7 @@ def panel_tables() -> Iterator[Table | str]:
         for death, number in panel_page.DEATHS.items():
             delays.append(DelayRow(f"board {death} to a grey page", GREY_MAX_MS, panel_page.measure_grey(number)))
     yield bench_table(
-        "The operator's panel: delays, desk or page's server and served board as two processes",
+        "The operator's panel: delays, service or page's server and served board as two processes",
         "from, to|median, ms|worst, ms|limit, ms|within|trials",
         (
             f"{row.what}|{row.median_ms:.0f}|{max(row.delays_ms):.0f}|{row.limit_ms:g}|{row.kept}|{len(row.delays_ms)}"

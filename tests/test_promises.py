@@ -20,10 +20,9 @@ from steptwin.emulator.live import socketcand, tcp_server
 from steptwin.features.campaigns import results
 from steptwin.features.faults import reaction as reaction_times
 from steptwin.features.motors.turning import verdict
-from steptwin.features.panel.desk import jogs
-from steptwin.features.panel.desk import stops as shown
 from steptwin.features.panel.page import guard, server
 from steptwin.features.panel.page import plots_card as plot
+from steptwin.features.panel.service import guards
 from steptwin.host.client import lease, links, shared_node, stream, waiting, waits
 from steptwin.host.client.links import socketcand_bus
 from steptwin.host.common import file_limits
@@ -56,8 +55,8 @@ class Promise:
 
 PROMISES = [
     # --- the panel
-    Promise("docs/panel.md", "moves the machine for 250 ms after its last sign of life", jogs.LEASE_S, 0.25),
-    Promise("docs/panel.md", "if that state is more than a second old", shown.AGE_MAX_S, 1.0),
+    Promise("docs/panel.md", "moves the machine for 250 ms after its last sign of life", guards.LEASE_S, 0.25),
+    Promise("docs/panel.md", "if that state is more than a second old", guards.AGE_MAX_S, 1.0),
     Promise("docs/panel.md", "position, speed and following error of the last 20 s", plot.WINDOW_S, 20.0),
     Promise("docs/panel.md", "A browser that is gone loses its place after 20 s", server._RECONNECT_S, 20.0),
     Promise("docs/panel.md", "or a program, of at most 10 MB", guard.BODY_BYTES_MAX, 10_000_000),
@@ -148,7 +147,7 @@ def in_the_browser(name: str) -> float:
 def test_a_held_button_may_lose_two_beats() -> None:
     """The page beats every 80 ms, as the server expects: the third beat comes 240 ms after the last, within 250."""
     assert in_the_browser("BEAT_MS") == 80
-    assert jogs.BEAT_S == 0.08
+    assert guards.BEAT_S == 0.08
 
 
 def test_a_stop_that_nothing_answers_is_said_within_300_ms() -> None:

@@ -47,7 +47,7 @@ _UP = np.array([-1.0, 3**0.5, 2 * 3**0.5]) / 4
 def write_drawer_pull_film(runs: Runs) -> None:
     """Write the GIF; all frames have the colours of the last one, which shows everything."""
     with TemporaryDirectory() as folder:
-        runs.outcome("warehouse-scara", "drawer-pull").save(folder, lambda _: None)
+        runs.outcome("warehouse-scara", "drawer-pull").save(folder)
         run = read_run(Path(folder))
     with mpl.rc_context(STYLE):
         frames = _frames(run)

@@ -34,8 +34,8 @@ scenario and for motors. `execute`, `ServedBoard`, `BoardUnderTest` and `ServedB
 arguments ([api.md](api.md)), the marker `steptwin` of tests as well ([ci.md](ci.md))."""
 _REMARKS: Final = """\
 `-m` is short for `--machine`. `firmware`, `node` and `motors` are for served boards. `run` has its own option
-`--motors`: it lets the motors turn after the run, by its record, and `--motors=loop` as it goes. In Python `stand_at` may
-also list all joints, `crystal_ppm` may be one number for all boards. Motors that turn in real time need numba.
+`--motors`: it lets the motors turn after the run, by its record, and `--motors=loop` as it goes. In Python `stand_at`
+may also list all joints, `crystal_ppm` may be one number for all boards. Motors that turn in real time need numba.
 
 The options of a feature are an object of a class of its own, in the list `extras`:
 `extras=[ShelfOptions(stock={"A1": "screws"})]`."""

@@ -1,7 +1,7 @@
 """Faults on purpose: what may go wrong, what starts it, and whether the machine answers as documented."""
 
-from collections.abc import Collection, Sequence
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final
 
 from steptwin.host.common.features import COMMAND_GROUPS, CommandRow, ControlRequests, Feature, FileKind, Telling
 
@@ -64,12 +64,19 @@ def _telling() -> Telling:
     return report
 
 
+def _schemas() -> "Mapping[str, Callable[[], type[Any]]]":
+    from steptwin.features.faults.scenario import ScenarioFile
+
+    return {"scenario": lambda: ScenarioFile}
+
+
 FEATURE: Final = Feature(
     name=NAME,
     machine_options=_machine_options,
     read_options=_read_options,
     part=_part,
     requests=_requests,
+    schemas=_schemas,
     file_kinds=_file_kinds,
     telling=_telling,
     commands=(

@@ -113,13 +113,15 @@ class Keys:
     split: Callable[[Any], tuple[Any, ...]] = lambda value: (value,)
 
 
-@cache
-def _by_field(fault: type["Fault"]) -> dict[str, Keys]:
+def _read_keys(fault: Any) -> dict[str, Keys]:
     keys = {}
     for each in fields(fault):
         given = getattr(each.type, "__metadata__", (Key(),))[0]  # of Annotated; else one key with the field's name
         keys[each.name] = given if isinstance(given, Keys) else Keys((given.of(each),))
     return keys
+
+
+_by_field: Final[Callable[[Any], dict[str, Keys]]] = cache(_read_keys)
 
 
 @dataclass(frozen=True, slots=True)

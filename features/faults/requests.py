@@ -165,7 +165,7 @@ def read_identifier(value: object) -> int:
     return value
 
 
-IDENTIFIER: Final = Annotated[int, ReadAs(read_identifier, {"type": "integer", "minimum": 0, "maximum": COB_ID_MASK})]
+Identifier = Annotated[int, ReadAs(read_identifier, {"type": "integer", "minimum": 0, "maximum": COB_ID_MASK})]
 
 
 def _read_frames(value: object) -> str | tuple[int, ...]:
@@ -295,7 +295,7 @@ _KINDS: Final[Mapping[KeyKind, ValueKind]] = {
         lambda _: Annotated[Any, ReadAs(_read_frames, _FRAMES_SCHEMA)],
         _ids_of,
     ),
-    KeyKind.IDENTIFIER: ValueKind("ID", "identifier", lambda word: _whole(word, 0), lambda _: IDENTIFIER),
+    KeyKind.IDENTIFIER: ValueKind("ID", "identifier", lambda word: _whole(word, 0), lambda _: Identifier),
     KeyKind.BYTES: ValueKind(
         "HEX",
         f"up to {DATA_BYTES_MAX} bytes in hexadecimal digits",
@@ -332,7 +332,7 @@ def usage(do: str) -> str:
 
 
 @cache
-def model_of(do: str, base: type[FileTable] = FileTable) -> type[Any]:
+def model_of(do: str, base: Any = FileTable) -> type[Any]:
     """Return the model of the tables that ask for `do`, with the keys of a base beside those of the fault."""
     keys: list[Any] = [("do", Literal[do])]
     for key in keys_of(do).values():
@@ -355,7 +355,7 @@ def read_request(robot: "Robot", request: Mapping[str, Any]) -> Fault | None:
     return fault_of(robot, table)
 
 
-def read_fault_table(values: object, findings: Findings, base: type[FileTable] = FileTable) -> Any:
+def read_fault_table(values: object, findings: Findings, base: Any = FileTable) -> Any:
     """Return the table of a fault by its model, or a part of it; what is wrong goes to the findings.
 
     Raises:

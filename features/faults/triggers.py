@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 import numpy as np
 
 from steptwin.controller.motion.kernel import TICK_COUNTS
-from steptwin.features.faults.requests import IDENTIFIER, by_name, whole_number
+from steptwin.features.faults.requests import Identifier, by_name, whole_number
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_models import FileTable, Within
@@ -234,7 +234,7 @@ class PositionWatch(Watch):
 class OnFrame(Trigger, FileTable):
     """The instant when the n-th frame of an identifier since power-up becomes valid on the bus."""
 
-    id: IDENTIFIER
+    id: Identifier
     n: Annotated[int, whole_number(1)] = 1
 
     def __str__(self) -> str:

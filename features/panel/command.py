@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from steptwin.features.panel.options import require_extra
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import PositionsFile, RobotFile, RobotName, RobotOptions, positions_path
 from steptwin.host.cli.live.connection import BoardAddress, Force, host_and_port
-from steptwin.host.cli.live.served_programs import require_extra
 from steptwin.host.cli.options import naming_options, option, switch
 from steptwin.host.cli.output import say, warn
 from steptwin.host.common.choices import EXAMPLE_PORT
@@ -61,20 +61,21 @@ def _serve(
     *,
     force: bool,
 ) -> None:
-    from steptwin.features.panel.desk.desk import Desk
     from steptwin.features.panel.page.hub import Hub
     from steptwin.features.panel.page.server import open_port, serve_page
+    from steptwin.features.panel.service.service import MachineService
     from steptwin.host.client.control_client import ControlClient
 
     with open_port(address) as listener:  # bad input is reported before the machine is spoken to
         if address.allow_remote:
             warn("other machines can move this one; its page asks them for the token in the address")
-        desk = Desk(found, robot, control=control, force=force)
+        service = MachineService(found, robot, control=control, force=force)
+        service.start()
         try:
-            hub = Hub(desk, positions_file, None if control is None else ControlClient(*control))
+            hub = Hub(service, positions_file, None if control is None else ControlClient(*control))
             hub.start()
             serve_page(
                 hub.build, listener, f"{robot.name} – StepTwin", lambda url: say(f"panel: {url}", "Ctrl-C ends it")
             )
         finally:
-            desk.close()
+            service.close()

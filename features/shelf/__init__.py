@@ -27,10 +27,10 @@ def shelf_of(robot: "Robot") -> "Shelf | None":
     return shelf
 
 
-def _section(table: "Table", key: str) -> "Shelf":
-    from steptwin.features.shelf.section import read_shelf
+def _section() -> "type[Shelf]":
+    from steptwin.features.shelf.section import Shelf
 
-    return read_shelf(table, key)
+    return Shelf
 
 
 def _robot_tables(robot: str) -> str:
@@ -39,9 +39,9 @@ def _robot_tables(robot: str) -> str:
 
 
 def _slots(table: "Table", key: str) -> tuple[str, ...]:
-    from steptwin.host.robots.reader import read_texts
+    from steptwin.features.shelf.section import read_slots
 
-    return read_texts(table, key)
+    return read_slots(table.elements(key))
 
 
 def _check_slots(robot: "Robot", _: str, slots: Sequence[str]) -> None:

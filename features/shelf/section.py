@@ -7,15 +7,16 @@ box moves only with the hand's magnet or gripper. A robot may have spots alone, 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Final
+from reprlib import repr as short
+from typing import Annotated, Any, Final
 
 from steptwin.host.common.bad_input import prefixed, require_positive, unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.findings import Findings, check_all
-from steptwin.host.common.tables import Reading, Table
+from steptwin.host.common.file_models import FileReading, FileTable, Within, check_limits
+from steptwin.host.common.findings import Findings, check_all, judged
 from steptwin.host.robots.board_settings import Input, Output
 from steptwin.host.robots.box import Box
-from steptwin.host.robots.reader import each_of, read_point, read_texts, settings
+from steptwin.host.robots.motor import Triple
 from steptwin.host.robots.robot import Robot
 
 Point = tuple[float, float, float]
@@ -26,7 +27,7 @@ hand holds is at its end stop."""
 
 
 @dataclass(frozen=True, slots=True)
-class Spot:
+class Spot(FileTable):
     """A spot for one box outside of the shelf, such as a table where boxes are handed over.
 
     Attributes:
@@ -36,20 +37,19 @@ class Spot:
         grip_mm: how far below its lid the hand may take a box as well, as a gripper does; 0 for a magnet.
     """
 
-    lid_mm: Point
+    lid_mm: Triple
     feeds: bool = False
     clears: bool = False
-    grip_mm: float = 0.0
+    grip_mm: Annotated[float, Within(0.0, unit="mm")] = 0.0
 
     def __post_init__(self) -> None:
-        if self.grip_mm < 0.0:
-            raise InputError(f"grip_mm: {self.grip_mm:g} mm is below 0 mm")
+        check_limits(self)
         if self.feeds and self.clears:
             raise InputError("clears: a spot that feeds boxes cannot clear them away as well")
 
 
 @dataclass(frozen=True, slots=True)
-class Shelf:
+class Shelf(FileTable):
     """A shelf and the spots around it; lengths in mm.
 
     Attributes:
@@ -81,6 +81,16 @@ class Shelf:
     lock_engaged: str = ""
     box_present: str = ""
     drawer_end: str = ""
+
+    @classmethod
+    def made_of(cls, values: dict[str, Any], reading: FileReading) -> Any:
+        """Return the shelf: one with spots alone needs no key of drawers, any other needs all of them."""
+        drawers = any(name in reading.table for name in (*_DRAWERS, "obstacles", *SENSORS))
+        needed = _DRAWERS if drawers or "spots" not in reading.table else ("spots",)
+        for name in [name for name in needed if name in values and values[name] is None]:
+            reading.findings.add(f"{name}: is missing")
+            del values[name]
+        return judged(cls, values, reading.findings)
 
     def __post_init__(self) -> None:
         lengths = ("travel_mm", "opening_mm", "capture_mm", "arm_radius_mm") if self.slots else ("capture_mm",)
@@ -143,26 +153,17 @@ def _check(key: str, what: str, name: str, known: Mapping[str, object]) -> None:
         raise unknown(f"{key}: {what}", name, known)
 
 
-_spot: Final = settings(
-    Spot, {"lid_mm": read_point}, {"feeds": Table.truth, "clears": Table.truth, "grip_mm": Table.number}
-)
-_HAND: Final[dict[str, Reading]] = {"magnet": Table.text, "capture_mm": Table.number}
-_SPOTS: Final[dict[str, Reading]] = {"spots": partial(each_of, _spot)}
-_DRAWERS: Final[dict[str, Reading]] = {
-    "lock": Table.text,
-    **dict.fromkeys(("travel_mm", "opening_mm", "arm_radius_mm"), Table.number),
-    "slots": partial(each_of, Table.text),
-}
-_AT_DRAWERS: Final[dict[str, Reading]] = {"obstacles": read_texts, **dict.fromkeys(SENSORS, Table.text)}
+_DRAWERS: Final = ("lock", "travel_mm", "opening_mm", "arm_radius_mm", "slots")
+"""Keys that a shelf with drawers has."""
 
 
-def read_shelf(table: Table, key: str) -> Shelf:
-    """Return the shelf of a robot file: one with spots alone needs no key of drawers, any other needs all of them."""
-    with table.section(key) as section:
-        drawers = any(name in section for name in _DRAWERS | _AT_DRAWERS) or "spots" not in section
-    required, optional = (_DRAWERS, _SPOTS) if drawers else (_SPOTS, _DRAWERS)
-    shelf: Shelf = settings(Shelf, _HAND | required, optional | _AT_DRAWERS)(table, key)
-    return shelf
+def read_slots(names: Sequence[object]) -> tuple[str, ...]:
+    """Return the slots that a program leaves open; raise InputError, with a message for each, for what is no text."""
+    if strange := [
+        f"leaves_open[{i}]: {short(name)} is not a text" for i, name in enumerate(names) if type(name) is not str
+    ]:
+        raise InputError(*strange)
+    return tuple(map(str, names))
 
 
 def check_slots(robot: Robot, slots: Sequence[str]) -> None:

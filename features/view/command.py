@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from steptwin.features.panel.options import require_extra
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import PlanDir, RunDir
-from steptwin.host.cli.live.served_programs import require_extra
 from steptwin.host.cli.options import argument, naming_options, option
 from steptwin.host.cli.output import say
 

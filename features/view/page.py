@@ -13,7 +13,7 @@ import numpy as np
 from nicegui import events, ui
 
 from steptwin.features.panel.page.elements import Chip, Tone, card, choice, heading, icon_button, line, plain
-from steptwin.features.panel.page.scene import Arm, ArmScene, camera_buttons, drawing_switch, legend, mark_switches
+from steptwin.features.panel.page.scene import Arm, ArmScene, drawing_switch, legend, view_buttons
 from steptwin.features.panel.page.server import Address, open_port, serve_page
 from steptwin.features.panel.page.visitor import apply_theme
 from steptwin.features.view.marks import RunMark, time_words
@@ -229,8 +229,7 @@ class ReplayScene:
         with card(classes="flush"):
             with line("between scene-bar"):
                 with line("tight"):
-                    camera_buttons(lambda: self._scene)
-                    mark_switches(lambda: self._scene)
+                    view_buttons(lambda: self._scene)
                     drawing_switch(lambda: self._scene)
                 with line():
                     if replays[0].run.no_plan is None:

@@ -134,6 +134,12 @@ COMMANDS: Final = (
         f"{_CLI}.files.trace",
     ),
     CommandRow("plot", _FILES, "Draw pictures of a stored run.", f"{_CLI}.files.plot"),
+    CommandRow(
+        "schema",
+        _FILES,
+        "Print the JSON schema of a kind of file, by which editors complete and check it.",
+        f"{_CLI}.files.exports",
+    ),
     CommandRow("eds", _FILES, "Print the axis nodes' electronic data sheet (CiA 306).", f"{_CLI}.files.exports"),
     CommandRow(
         "dbc",

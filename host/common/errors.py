@@ -6,7 +6,7 @@ from typing import ClassVar, Self
 class StepTwinError(Exception):
     """Base of the errors that the command line reports in one line before it ends with their `exit_code`.
 
-    Some have a second text for operators at the panel, who know joints and buttons but not the bus or commands.
+    Some have a second text for an operator of the machine, who knows joints and buttons but neither bus nor commands.
     """
 
     exit_code: ClassVar[int] = 1

@@ -11,17 +11,18 @@ from typing import Final
 _NAME: Final = "steptwin"
 
 
-def installing(*extras: str) -> str:
+def installing(*extras: str, make: str | None = None) -> str:
     """Return the command that installs extras, such as `pip install 'steptwin[plot]'`.
 
-    It names the folder of a checkout, or the file or repository from which the package was installed.
+    It names the folder of a checkout, or the file or repository from which the package was installed. `make` is a
+    target of a checkout's Makefile that installs them, too.
     """
     wanted = f"[{','.join(extras)}]"
     checkout = _checkout()
     if checkout is not None:
         here = Path.cwd() == checkout
         command = f"{_pip()} install -e '{'.' if here else checkout}{wanted}'"
-        return f"make panel, or {command}" if here and extras == ("panel",) else command
+        return f"make {make}, or {command}" if here and make else command
     source = _source()
     return f"{_pip()} install '{_NAME}{wanted}{f' @ {source}' if source else ''}'"
 

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from steptwin.host.twin.machine.emulated_machine import EmulatedMachine
     from steptwin.host.twin.machine.machine_options import MachineOptions
     from steptwin.host.verify.comparison import Comparison
-    from steptwin.host.verify.figures import Figure, SeenAxis
+    from steptwin.host.verify.figures import ReportFigure, SeenAxis
     from steptwin.protocol.drivers import DriverProfile
 
 GROUP: Final = "steptwin.features"
@@ -264,7 +264,7 @@ class Feature:
     Attributes:
         name: name of the feature, of its table in robot files, of its key in report.json, of its file in run folders.
         needs: the features that it imports.
-        section: reads its table of a robot file.
+        section: returns the model of its table of a robot file: a `FileTable` that is a `RobotSection`.
         robot_tables: returns tables that belong to the file of a robot that StepTwin brings, by the robot's name.
         timer: returns what times motions as a whole: those with `law = "fastest"` or `blend_mm`.
         program_steps: returns what reads its steps of program files, by their verbs.
@@ -296,7 +296,9 @@ class Feature:
         drive_model: returns what it knows of drives, for planning; the first feature that has one is asked.
         requests: returns its requests of the control port.
         file_kinds: returns the kinds of its files for `steptwin check`.
+        schemas: returns what gives the model of each kind of its files, by the kind, for `steptwin schema`.
         run_options: returns a dataclass of options of `steptwin run`: a `RunHook`.
+        serve_options: returns a dataclass of options of `steptwin serve`: a `ServedProgram`.
         verify_options: returns a dataclass of options of `steptwin verify`: an `OtherEvidence`.
         new_options: returns a dataclass of options of `steptwin new`: a `RobotSource`.
         telling: returns what prints its keys of documents.
@@ -306,7 +308,7 @@ class Feature:
 
     name: str
     needs: Sequence[str] = ()
-    section: "Reading | None" = None
+    section: Callable[[], type[Any]] | None = None
     robot_tables: Callable[[str], str] | None = None
     timer: "Callable[[], MotionTimer] | None" = None
     program_steps: "Callable[[], Mapping[str, StepReading]] | None" = None
@@ -327,12 +329,14 @@ class Feature:
     part: MakePart | None = None
     expected: "Callable[[Robot, Trajectory, Any], Any] | None" = None
     judge: "Callable[[], FeatureJudge] | None" = None
-    figures: "Callable[[], Mapping[str, Figure[SeenAxis]]] | None" = None
+    figures: "Callable[[], Mapping[str, ReportFigure[SeenAxis]]] | None" = None
     live: Callable[[], LiveWords] | None = None
     drive_model: Callable[[], DriveModel] | None = None
     requests: Callable[[], ControlRequests] | None = None
     file_kinds: Callable[[], Sequence[FileKind]] | None = None
+    schemas: Callable[[], Mapping[str, Callable[[], type[Any]]]] | None = None
     run_options: Callable[[], type[Any]] | None = None
+    serve_options: Callable[[], type[Any]] | None = None
     verify_options: Callable[[], type[Any]] | None = None
     new_options: Callable[[], type[Any]] | None = None
     telling: Callable[[], Telling] | None = None

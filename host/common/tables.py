@@ -88,15 +88,13 @@ class Table:
 
     Attributes:
         values: the values by key.
-        findings: what `gather` found wrong in this table, the tables in it and the table around it.
     """
 
-    def __init__(self, values: object, kind: str, findings: Findings | None = None) -> None:
+    def __init__(self, values: object, kind: str) -> None:
         """Raise InputError unless `values` is a mapping; `kind` names tables in that message."""
         if not isinstance(values, dict):
             raise InputError(f"{short(values)} is not a {kind}")
         self.values: Mapping[str, object] = values
-        self.findings: Findings = findings or Findings()
         self._kind = kind
 
     def __iter__(self) -> Iterator[str]:
@@ -184,7 +182,7 @@ class Table:
         """Enter the table under a key; errors in the block get the key in front."""
         value = self._take(key)
         with prefixed(f"{key}: "):
-            table = Table(value, self._kind, self.findings.under(f"{key}."))
+            table = Table(value, self._kind)
         with prefixed(f"{key}."):
             yield table
 
@@ -202,20 +200,7 @@ class Table:
         Raise InputError with everything that is wrong. Unknown keys come first; the key that one of them should
         probably be is not called missing.
         """
-        findings = Findings()
-        values = self._read(required, optional or {}, findings)
-        findings.raise_first()
-        return values
-
-    def gather(
-        self, required: Mapping[str, "Reading"], optional: Mapping[str, "Reading"] | None = None
-    ) -> dict[str, Any]:
-        """Return the values as `read` does, without those that cannot be read; what is wrong goes to `findings`."""
-        return self._read(required, optional or {}, self.findings)
-
-    def _read(
-        self, required: Mapping[str, "Reading"], optional: Mapping[str, "Reading"], findings: Findings
-    ) -> dict[str, Any]:
+        findings, optional = Findings(), optional or {}
         keys = {**required, **optional}
         meant = {name for key in self.values if key not in keys for name in nearest(key, keys)}
         values: dict[str, Any] = {}
@@ -227,6 +212,7 @@ class Table:
                     values[key] = reading(self, key)
             elif key not in meant:
                 values[key] = None
+        findings.raise_first()
         return values
 
     def _take(self, key: str) -> object:

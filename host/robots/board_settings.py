@@ -1,13 +1,16 @@
 """The settings of a robot's board: the bus, the drivers, the step pulses, and the wired inputs and outputs."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from typing import Final, NamedTuple
+from typing import Annotated, Any, ClassVar, Final, NamedTuple
 
-from steptwin.host.common.bad_input import at_most, require_positive, unknown
-from steptwin.host.common.choices import check_bitrate
+from pydantic import AfterValidator
+
+from steptwin.host.common.bad_input import at_most
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.findings import check_all
+from steptwin.host.common.file_models import Choice, FileReading, FileTable, Positive, Within, check_limits, wrong
+from steptwin.host.common.findings import UnreadError, check_all, judged
 from steptwin.protocol.cia402 import GENERAL_INPUTS, DigitalOutput
 from steptwin.protocol.drivers import (
     GENERIC,
@@ -19,8 +22,8 @@ from steptwin.protocol.drivers import (
     bare_chip,
     driver_names,
 )
-from steptwin.protocol.frame import DEFAULT_BITRATE
-from steptwin.protocol.od import PULSE_NS_MIN, TIMING_NS_MAX
+from steptwin.protocol.frame import BITRATES, DEFAULT_BITRATE
+from steptwin.protocol.od import MICROSTEPS_CHOICES, PULSE_NS_MIN, TIMING_NS_MAX
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 
@@ -66,8 +69,10 @@ _SWITCHED: Final = ("idle_percent", "fast_decay_percent")
 """Keys that only drivers with switches, straps or registers of their own have."""
 DRIVER_SETTINGS: Final = ("current_a", "active_edge", *_SWITCHED, "fault_wired")
 """Keys of a robot file that set its drivers."""
-_TIMING_MIN_NS: Final = {"steplen_ns": PULSE_NS_MIN, "stepspace_ns": PULSE_NS_MIN, "dirsetup_ns": 0, "dirhold_ns": 0}
-"""Lower limits of the step timing (2001h)."""
+_TIMES: Final = ("steplen_ns", "stepspace_ns", "dirsetup_ns", "dirhold_ns")
+"""Keys of the step timing (2001h)."""
+PULSE_KEYS: Final = (*_TIMES, "step_rate_max_hz")
+"""Keys of what drivers that the file names bring along."""
 _PHASES: Final = {"steplen_ns": "stepspace_ns", "stepspace_ns": "steplen_ns"}
 """The two phases of a pulse: where the falling edge is the step, each is the other one at the driver."""
 
@@ -89,7 +94,7 @@ def pulses_for(profile: DriverProfile, active_edge: ActiveEdge | None = None) ->
     falling = (active_edge or profile.active_edge) is ActiveEdge.FALLING
     clk, direction = profile.clk.value, profile.direction.value
     late_ns = clk.to_high_ns - clk.to_low_ns
-    need = {key: max(profile.chip.times.ns(key), profile.times.ns(key)) for key in _TIMING_MIN_NS}
+    need = {key: max(profile.chip.times.ns(key), profile.times.ns(key)) for key in _TIMES}
     at_step = {
         "steplen_ns": need["steplen_ns"] + max(late_ns, 0),
         "stepspace_ns": need["stepspace_ns"] + max(-late_ns, 0),
@@ -107,8 +112,42 @@ def pulses_for(profile: DriverProfile, active_edge: ActiveEdge | None = None) ->
     }
 
 
+_FigureNs = Annotated[int, Within(0, TIMING_NS_MAX // 2, "ns")]
+_SettlingNs = Annotated[int, Within(0, 10**10, "ns")]
+"""Up to ten seconds: a driver that takes longer until its first step is none."""
+
+
+def _modes(modes: Any) -> tuple[int, ...]:
+    """Return the microsteps of a driver, each once and in their order; raise pydantic's error if there are none."""
+    if not modes:
+        raise wrong("is empty; it lists the microsteps that the driver has")
+    return tuple(mode for mode in MICROSTEPS_CHOICES if mode in modes)
+
+
 @dataclass(frozen=True, slots=True)
-class BoardSettings:
+class DriverTable(DriverFigures, FileTable):
+    """Figures of a driver's manual, for `driver_profile = "generic"` (docs/driver.md)."""
+
+    microsteps: Annotated[tuple[Annotated[int, Choice("", MICROSTEPS_CHOICES)], ...], AfterValidator(_modes)]
+    steplen_ns: _FigureNs
+    stepspace_ns: _FigureNs
+    dirsetup_ns: _FigureNs
+    dirhold_ns: _FigureNs
+    enable_ns: _SettlingNs = 0
+    wake_ns: _SettlingNs = 0
+    step_rate_max_hz: Annotated[int, Within(1)] | None = None
+    counts_while_off: bool = False
+    current_max_a: Annotated[float, Within(0.01, 100.0, "A")] = 10.0
+    input_high_v: Annotated[float, Within(0.0, 100.0, "V")] = 3.3
+    input_ma: Annotated[float, Within(0.0, 100.0, "mA")] = 0.0
+
+
+_PulseNs = Annotated[int, Within(PULSE_NS_MIN, TIMING_NS_MAX, "ns")]
+_DirNs = Annotated[int, Within(0, TIMING_NS_MAX, "ns")]
+
+
+@dataclass(frozen=True, slots=True)
+class BoardSettings(FileTable):
     """The settings of the board; the names of the pulses' times are LinuxCNC's. None: the drivers' usual setting.
 
     Attributes:
@@ -132,20 +171,36 @@ class BoardSettings:
         InputError: a value out of range, pulses too long for the step rate, or too short for the named drivers' chip.
     """
 
-    osc_pf: int | None
-    steplen_ns: int
-    stepspace_ns: int
-    dirsetup_ns: int
-    dirhold_ns: int
-    step_rate_max_hz: float
-    bitrate: int = DEFAULT_BITRATE
-    driver_profile: str | None = None
-    driver: DriverFigures | None = None
+    osc_pf: Annotated[int, Within(0, open=True)] | None
+    steplen_ns: _PulseNs
+    stepspace_ns: _PulseNs
+    dirsetup_ns: _DirNs
+    dirhold_ns: _DirNs
+    step_rate_max_hz: Positive
+    bitrate: Annotated[int, Choice("", BITRATES)] = DEFAULT_BITRATE
+    driver_profile: Annotated[str, Choice("", driver_names())] | None = None
+    driver: Annotated[DriverFigures, DriverTable] | None = None
     current_a: float | None = None
     active_edge: ActiveEdge | None = None
     idle_percent: int | None = None
     fast_decay_percent: int | None = None
     fault_wired: bool | None = None
+    may_lack: ClassVar[tuple[str, ...]] = ("osc_pf", *PULSE_KEYS)
+
+    @classmethod
+    def made_of(cls, values: dict[str, Any], reading: FileReading) -> Any:
+        """Return the settings; drivers that the file names bring the times and the rate that it leaves out."""
+        left_out = [key for key in PULSE_KEYS if key in values and values[key] is None]
+        times: dict[str, int] = {}
+        if "driver_profile" not in reading.table:
+            reading.findings.add(*(f"{key}: is missing" for key in left_out))
+        else:
+            with suppress(UnreadError):
+                profile = named_profile(values.get("driver_profile", ""), values.get("driver"))
+                times = pulses_for(profile, values.get("active_edge")) if profile is not None else {}
+        known = {key: value for key, value in values.items() if key not in left_out}
+        brought = {key: times[key] for key in left_out if key in times}
+        return judged(cls, known | brought, reading.findings)
 
     def __post_init__(self) -> None:
         check_all(
@@ -153,13 +208,11 @@ class BoardSettings:
             self._check_figures,
             self._check_fault_output,
             *(partial(self._check_setting, key) for key in ("current_a", *_SWITCHED)),
-            partial(require_positive, self, "step_rate_max_hz"),
-            partial(check_bitrate, self.bitrate, f"bitrate: {self.bitrate}"),
-            *(partial(self._check_time, key, least_ns) for key, least_ns in _TIMING_MIN_NS.items()),
+            partial(check_limits, self),
         )
         self._check_pulses()
         if self.driver_profile is not None:
-            check_all(self._check_rate, *(partial(self._check_chip_time, key) for key in _TIMING_MIN_NS))
+            check_all(self._check_rate, *(partial(self._check_chip_time, key) for key in _TIMES))
 
     def _check_chip_time(self, key: str) -> None:
         """Check a time against the chip's; a module's parts may need more, which a run shows."""
@@ -179,11 +232,6 @@ class BoardSettings:
                 f" at most {most.value} Hz"
             )
 
-    def _check_time(self, key: str, least_ns: int) -> None:
-        value_ns = getattr(self, key)
-        if not least_ns <= value_ns <= TIMING_NS_MAX:
-            raise InputError(f"{key}: {value_ns} ns is outside {least_ns}..{TIMING_NS_MAX} ns")
-
     def _check_pulses(self) -> None:
         pulse_ns = self.steplen_ns + self.stepspace_ns
         if pulse_ns * self.step_rate_max_hz > 1e9:
@@ -196,14 +244,11 @@ class BoardSettings:
         if self.driver_profile is None:
             if self.osc_pf is None:
                 raise InputError("osc_pf: is missing; a board needs it or driver_profile")
-            require_positive(self, "osc_pf")
             if self.osc_pf < OSC_PF_MIN:
                 raise InputError(
                     f"osc_pf: {self.osc_pf} pF makes the TB6560's oscillator faster than its 600 kHz: at least"
                     f" {OSC_PF_MIN} pF"
                 )
-        elif self.driver_profile not in driver_names():
-            raise unknown("driver_profile:", self.driver_profile, driver_names())
         elif self.osc_pf is not None:
             raise InputError(f"osc_pf: driver_profile {self.driver_profile} sets it already")
 
@@ -270,27 +315,35 @@ OUTPUTS_PER_AXIS: Final = len(DigitalOutput)
 
 
 @dataclass(frozen=True, slots=True)
-class Output:
-    """A digital output: the joint whose axis has it, and its number there, from 1 to OUTPUTS_PER_AXIS."""
+class Output(FileTable):
+    """A digital output.
+
+    Attributes:
+        joint: the joint whose axis has it.
+        out: its number there.
+    """
 
     joint: str
-    out: int
+    out: Annotated[int, Within(1, OUTPUTS_PER_AXIS)]
 
     def __post_init__(self) -> None:
-        if not 1 <= self.out <= OUTPUTS_PER_AXIS:
-            raise InputError(f"out: {self.out} is not from 1 to {OUTPUTS_PER_AXIS}")
+        check_limits(self)
 
 
 INPUTS_PER_AXIS: Final = len(GENERAL_INPUTS)
 
 
 @dataclass(frozen=True, slots=True)
-class Input:
-    """A digital input: the joint whose axis has it, and its number there, from 1 to INPUTS_PER_AXIS."""
+class Input(FileTable):
+    """A digital input.
+
+    Attributes:
+        joint: the joint whose axis has it.
+        input: its number there.
+    """
 
     joint: str
-    input: int
+    input: Annotated[int, Within(1, INPUTS_PER_AXIS)]
 
     def __post_init__(self) -> None:
-        if not 1 <= self.input <= INPUTS_PER_AXIS:
-            raise InputError(f"input: {self.input} is not from 1 to {INPUTS_PER_AXIS}")
+        check_limits(self)

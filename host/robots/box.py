@@ -4,23 +4,25 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import hypot
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_models import FileTable, Values
 
 TOUCH_MM: Final = 1.0
 """Distance from a box where the tool still touches it."""
 
 Range = tuple[float, float]
+_Ends = Annotated[Range, Values("a box has two ends: [from, to]")]
 TipAt = Callable[[FloatArray], FloatArray]
 """Returns the tool's positions, shape (n, 3) in mm, at instants of shape (n,) in seconds."""
 
 
 @dataclass(frozen=True, slots=True)
-class Box:
+class Box(FileTable):
     """A box with its sides along the world's axes.
 
     Attributes:
@@ -31,9 +33,9 @@ class Box:
         InputError: an end is not above the other.
     """
 
-    x_mm: Range
-    y_mm: Range
-    z_mm: Range
+    x_mm: _Ends
+    y_mm: _Ends
+    z_mm: _Ends
     held_by: str = ""
 
     def __post_init__(self) -> None:

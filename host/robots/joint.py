@@ -5,10 +5,12 @@ from dataclasses import asdict, astuple, dataclass, field, replace
 from enum import StrEnum
 from functools import cache, partial
 from math import floor
-from typing import Final
+from typing import Annotated, Final
 
 from steptwin.host.common.bad_input import at_least, at_most, prefixed, require_positive
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_limits import NAME_CHARS_MAX
+from steptwin.host.common.file_models import FileTable, Name, Positive, check_limits
 from steptwin.host.common.findings import check_all
 from steptwin.host.robots.motor import JointLink, JointMotor
 from steptwin.host.robots.switches import JointHoming, JointSwitches
@@ -76,7 +78,7 @@ class Unit(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class SecondMotor:
+class SecondMotor(FileTable):
     """A second motor of a joint, with an axis of its own and a drive like that of the first.
 
     Attributes:
@@ -85,12 +87,12 @@ class SecondMotor:
         square_offset: how much farther up its switches close than the joint's when the machine is square.
     """
 
-    name: str
-    skew_max: float
+    name: Annotated[str, Name(NAME_CHARS_MAX)]
+    skew_max: Positive
     square_offset: float = 0.0
 
     def __post_init__(self) -> None:
-        require_positive(self, "skew_max")
+        check_limits(self)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,12 +1,10 @@
 """Errors of a link: its real DH parameters minus those of the nominal model, by which the machine is planned."""
 
 from dataclasses import dataclass, fields
-from functools import partial
-from typing import Final
+from typing import Annotated, Final
 
-from steptwin.host.common.bad_input import nearest_within, outside
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.findings import check_all
+from steptwin.host.common.file_models import FileTable, Within, check_limits
 
 LENGTH_MAX_MM: Final = 50.0
 """Largest error of a length; one that is larger belongs into the dimensions."""
@@ -14,22 +12,27 @@ LENGTH_MAX_MM: Final = 50.0
 ANGLE_MAX_DEG: Final = 10.0
 """Largest error of an angle; one that is larger belongs into the home position."""
 
+_LENGTH: Final = Within(-LENGTH_MAX_MM, LENGTH_MAX_MM, "mm")
+_ANGLE: Final = Within(-ANGLE_MAX_DEG, ANGLE_MAX_DEG, "deg")
+_Length = Annotated[float, _LENGTH]
+_Angle = Annotated[float, _ANGLE]
+
 
 @dataclass(frozen=True, slots=True)
-class LinkErrors:
+class LinkErrors(FileTable):
     """Real minus nominal parameters of one row of the DH table: lengths in mm, angles in degrees.
 
     Raises:
         InputError: an error is larger than LENGTH_MAX_MM or ANGLE_MAX_DEG.
     """
 
-    a_mm: float = 0.0
-    alpha_deg: float = 0.0
-    d_mm: float = 0.0
-    theta_deg: float = 0.0
+    a_mm: _Length = 0.0
+    alpha_deg: _Angle = 0.0
+    d_mm: _Length = 0.0
+    theta_deg: _Angle = 0.0
 
     def __post_init__(self) -> None:
-        check_all(*(partial(check_size, quantity, getattr(self, quantity)) for quantity in QUANTITIES))
+        check_limits(self)
 
 
 QUANTITIES: Final = tuple(field.name for field in fields(LinkErrors))
@@ -43,7 +46,5 @@ def unit_of(quantity: str) -> str:
 
 def check_size(name: str, error: float) -> None:
     """Raise InputError unless the error of a parameter is within its limit; the unit ends the parameter's name."""
-    unit = unit_of(name)
-    limit = LENGTH_MAX_MM if unit == "mm" else ANGLE_MAX_DEG
-    if not abs(error) <= limit:
-        raise InputError(f"{name}: {outside(error, -limit, limit, unit)}{nearest_within(error, -limit, limit, unit)}")
+    if text := (_LENGTH if unit_of(name) == "mm" else _ANGLE).complaint(error):
+        raise InputError(f"{name}: {text}")

@@ -4,12 +4,12 @@ The kinematics and the board need none of it. Torques are those at the motor's s
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import partial
-from typing import Final
+from typing import Annotated, Final
 
-from steptwin.host.common.bad_input import require_positive, unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_models import Choice, FileTable, NotNegative, Positive, Values, Within, check_limits
 from steptwin.host.common.findings import check_all
 
 MOTORS: Final = (
@@ -40,11 +40,11 @@ FIGURES: Final = (
 )
 """Figures of a motor's datasheet, which a file gives instead of a name."""
 
-Triple = tuple[float, float, float]
+Triple = Annotated[tuple[float, float, float], Values("a point has three: [x, y, z]")]
 
 
 @dataclass(frozen=True, slots=True)
-class JointMotor:
+class JointMotor(FileTable):
     """The motor of a joint's axis: a name of the catalogue, or all figures of its datasheet; and its gear.
 
     Attributes:
@@ -60,52 +60,35 @@ class JointMotor:
         InputError: both a name and figures, or neither; an unknown name; a figure that is missing or out of range.
     """
 
-    model: str = ""
-    resistance_ohm: float | None = None
-    inductance_mh: float | None = None
-    holding_torque_nm: float | None = None
-    rated_current_a: float | None = None
-    rotor_inertia_gcm2: float | None = None
-    detent_torque_nm: float | None = None
-    friction_nm: float = 0.01
-    efficiency: float = 1.0
-    brake_nm: float = 0.0
-    belt_nm_rad: float | None = None
-    belt_damping_nm_s: float = 0.0
+    model: Annotated[str, Choice("", MOTORS)] = ""
+    resistance_ohm: Positive | None = None
+    inductance_mh: Positive | None = None
+    holding_torque_nm: Positive | None = None
+    rated_current_a: Positive | None = None
+    rotor_inertia_gcm2: Positive | None = None
+    detent_torque_nm: NotNegative | None = None
+    friction_nm: NotNegative = 0.01
+    efficiency: Annotated[float, Within(0.0, 1.0, open=True)] = 1.0
+    brake_nm: NotNegative = 0.0
+    belt_nm_rad: Positive | None = None
+    belt_damping_nm_s: NotNegative = 0.0
 
     def __post_init__(self) -> None:
-        check_all(self._check_motor, self._check_gear, *(partial(self._check_not_negative, key) for key in _TORQUES))
+        check_all(self._check_motor, partial(check_limits, self))
 
     def _check_motor(self) -> None:
         given = [key for key in FIGURES if getattr(self, key) is not None]
         if self.model:
             if given:
                 raise InputError(f"{given[0]}: model {self.model} sets it already")
-            if self.model not in MOTORS:
-                raise unknown("model:", self.model, MOTORS)
             return
         missing = [key for key in FIGURES if key not in given]
         if missing:
             raise InputError(f"{missing[0]}: is missing; a motor needs it or model, one of {', '.join(MOTORS)}")
-        require_positive(self, *(key for key in FIGURES if key != "detent_torque_nm"))
-
-    def _check_gear(self) -> None:
-        if not 0.0 < self.efficiency <= 1.0:
-            raise InputError(f"efficiency: {self.efficiency:g} is not above 0 and up to 1")
-        if self.belt_nm_rad is not None:
-            require_positive(self, "belt_nm_rad")
-
-    def _check_not_negative(self, key: str) -> None:
-        value = getattr(self, key)
-        if value is not None and not value >= 0.0:
-            raise InputError(f"{key}: {value:g} is negative")
-
-
-_TORQUES: Final = ("detent_torque_nm", "friction_nm", "brake_nm", "belt_damping_nm_s")
 
 
 @dataclass(frozen=True, slots=True)
-class JointLink:
+class JointLink(FileTable):
     """The body that a joint moves, without what the next joints move.
 
     Its frame has its origin on the joint's axis and its z along the axis; x points to the next joint.
@@ -121,18 +104,14 @@ class JointLink:
         InputError: a negative figure, or inertias that no body has: each is at most the sum of the other two.
     """
 
-    mass_kg: float
+    mass_kg: Annotated[float, Within(0.0, unit="kg")]
     centre_mm: Triple = (0.0, 0.0, 0.0)
     inertia_kgm2: Triple = (0.0, 0.0, 0.0)
     stop_lower: float | None = None
     stop_upper: float | None = None
 
     def __post_init__(self) -> None:
-        check_all(self._check_mass, self._check_inertia)
-
-    def _check_mass(self) -> None:
-        if not self.mass_kg >= 0.0:
-            raise InputError(f"mass_kg: {self.mass_kg:g} kg is negative")
+        check_all(partial(check_limits, self), self._check_inertia)
 
     def _check_inertia(self) -> None:
         for index, value in enumerate(self.inertia_kgm2):
@@ -161,7 +140,7 @@ class JointLink:
 
 
 @dataclass(frozen=True, slots=True)
-class Dynamics:
+class Dynamics(FileTable):
     """Settings that all motors share.
 
     Attributes:
@@ -175,32 +154,22 @@ class Dynamics:
         InputError: no supply, one that sags without capacitors, or a negative figure.
     """
 
-    supply_v: float
-    supply_ohm: float = 0.0
-    supply_uf: float = 0.0
-    payload_kg: float = 0.0
+    supply_v: Positive
+    supply_ohm: Annotated[float, Within(0.0, unit="ohm")] = 0.0
+    supply_uf: Annotated[float, Within(0.0, unit="uF")] = 0.0
+    payload_kg: Annotated[float, Within(0.0, unit="kg")] = 0.0
     payload_held_by: str = ""
 
     def __post_init__(self) -> None:
-        check_all(partial(require_positive, self, "supply_v"), self._check_sag, self._check_payload)
+        check_all(partial(check_limits, self), self._check_sag)
 
     def _check_sag(self) -> None:
-        for key, unit in (("supply_ohm", "ohm"), ("supply_uf", "uF")):
-            value = getattr(self, key)
-            if not value >= 0.0:
-                raise InputError(f"{key}: {value:g} {unit} is negative")
         if self.supply_ohm > 0.0 and self.supply_uf < SUPPLY_UF_MIN:
             raise InputError(
                 f"supply_uf: {self.supply_uf:g} uF is less than {SUPPLY_UF_MIN:g} uF: with supply_ohm something must"
                 " hold what braking motors give back"
             )
 
-    def _check_payload(self) -> None:
-        if not self.payload_kg >= 0.0:
-            raise InputError(f"payload_kg: {self.payload_kg:g} kg is negative")
-
 
 SUPPLY_UF_MIN: Final = 100.0
 """Less than any board has; the voltage would change by volts within a step of integration."""
-
-MOTOR_KEYS: Final = tuple(field.name for field in fields(JointMotor) if field.name != "model")

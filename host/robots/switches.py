@@ -4,15 +4,16 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
-from steptwin.host.common.bad_input import at_most, require_positive
+from steptwin.host.common.bad_input import at_most
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_models import FileTable, Positive, check_limits
 from steptwin.host.common.findings import check_all
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.homing_methods import HOME_HERE, HOME_HERE_OBSOLETE, HOMING_METHODS, POSITIVE, HomingMethod
 
 
 @dataclass(frozen=True, slots=True)
-class JointHoming:
+class JointHoming(FileTable):
     """The homing of a joint; raises InputError for a value out of range.
 
     Attributes:
@@ -23,14 +24,14 @@ class JointHoming:
     """
 
     method: int
-    search_speed: float
-    zero_speed: float
-    acceleration: float
+    search_speed: Positive
+    zero_speed: Positive
+    acceleration: Positive
 
     def __post_init__(self) -> None:
         check_all(
             self._check_method,
-            partial(require_positive, self, "search_speed", "zero_speed", "acceleration"),
+            partial(check_limits, self),
             self._check_zero_speed,
         )
 
@@ -73,7 +74,7 @@ def _needed_keys(method: HomingMethod) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, slots=True)
-class JointSwitches:
+class JointSwitches(FileTable):
     """The positions of a joint's switches, in its unit; None for a missing edge. Raises InputError for a wrong order.
 
     Attributes:

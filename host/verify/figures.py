@@ -36,8 +36,8 @@ class FigureLimit:
     of: Callable[[Robot, int], float]
 
 
-@dataclass(frozen=True)  # no slots: until Python 3.12 `Figure[...](...)` fails on a frozen class that has them
-class Figure(Generic[Source]):
+@dataclass(frozen=True)  # no slots: until Python 3.12 `ReportFigure[...](...)` fails on a frozen class that has them
+class ReportFigure(Generic[Source]):
     """A figure of an axis; its key in report.json is the name under which it is declared.
 
     Attributes:
@@ -89,7 +89,7 @@ class AxisRun:
     late_us: FloatArray
 
 
-AxisFigure = Figure[AxisRun]
+AxisFigure = ReportFigure[AxisRun]
 
 
 class SeenAxis(NamedTuple):
@@ -309,7 +309,7 @@ class AxisReport:
     ]
 
 
-def axis_figures() -> Mapping[str, Figure[AxisRun]]:
+def axis_figures() -> Mapping[str, ReportFigure[AxisRun]]:
     """Return the figures of an axis, by key and in the order of reports."""
     hints = get_type_hints(AxisReport, include_extras=True)
     return {key: hint.__metadata__[0] for key, hint in hints.items()}
@@ -335,14 +335,14 @@ def judged_document(feature: str, seen: Any, start_counts: int, axes: Sequence[s
 
 def figure_values(
     axes: Sequence[Mapping[str, Any]], documents: Mapping[str, Any]
-) -> list[tuple[Figure[Any], dict[str, Any]]]:
+) -> list[tuple[ReportFigure[Any], dict[str, Any]]]:
     """Return each figure that a report has of all axes, with its values by axis; those of features come last.
 
     Args:
         axes: the figures of each axis, by key.
         documents: the parts of features, by their names; other entries are ignored.
     """
-    tables: list[tuple[Mapping[str, Figure[Any]], Mapping[str, Any]]] = [
+    tables: list[tuple[Mapping[str, ReportFigure[Any]], Mapping[str, Any]]] = [
         (axis_figures(), {axis["name"]: axis for axis in axes})
     ]
     tables += [(figures(), documents[own.name][AXES]) for own, figures in giving("figures") if own.name in documents]
@@ -354,7 +354,7 @@ def figure_values(
     ]
 
 
-def declared_figures() -> list[Figure[Any]]:
+def declared_figures() -> list[ReportFigure[Any]]:
     """Return all figures, those of features last."""
     of_features = (figure for _, figures in giving("figures") for figure in figures().values())
     return [*axis_figures().values(), *of_features]

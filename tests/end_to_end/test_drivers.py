@@ -18,6 +18,7 @@ from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.twin.embedded.outcome import Outcome
 from steptwin.host.twin.machine.boards import board_configs
 from steptwin.host.twin.machine.drivers import phase_currents_a, settings_left_out
+from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.protocol.drivers import PROFILES
 from tests.end_to_end.command_line import refusal, run_json
 from tests.messages import refusing
@@ -167,7 +168,7 @@ class TestThreeAmpModule:
         """The file's 2 A and falling edge apply exactly where the drivers are the file's, by whatever name."""
         osc_pf = None if own else 330
         robot = with_board("lab-scara", osc_pf=osc_pf, driver_profile=own, current_a=2.0, active_edge="falling")
-        for module in board_configs(robot, robot.home, [len(robot.joints)], named)[0].modules:
+        for module in board_configs(robot, MachineOptions(driver_profile=named))[0].modules:
             torque = 1.0
             if module.switches is not None:
                 torque = (module.chip.torque_percent.value.selected(module.switches.running) or 0) / 100

@@ -48,9 +48,7 @@ def frames_of_a_motion() -> list[Frame]:
 def in_virtual_time() -> list[int]:
     """Return when the same frames make steps in virtual time, in counts from the tick after the SYNC."""
     robot = load_robot(ROBOT)
-    simulation = Simulation(
-        [Board(board_configs(robot, robot.home, [len(robot.joints)])[0], fastest_kernel())], Bus(robot.board.bitrate)
-    )
+    simulation = Simulation([Board(board_configs(robot)[0], fastest_kernel())], Bus(robot.board.bitrate))
     for frame in frames_of_a_motion():
         simulation.send(frame)
         if frame.cob_id == 0x080:
@@ -174,7 +172,7 @@ def test_no_edge_is_lost_between_two_takes() -> None:
     """Pieces of a trace, put together, are the whole trace."""
     robot = load_robot(ROBOT)
     assert standing_steps(robot, list(robot.home))[3] == 0
-    board = Board(board_configs(robot, robot.home, [len(robot.joints)])[0], fastest_kernel())
+    board = Board(board_configs(robot)[0], fastest_kernel())
     simulation = Simulation([board], Bus(robot.board.bitrate))
     for frame in frames_of_a_motion():
         simulation.send(frame)

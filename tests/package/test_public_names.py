@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 
 import steptwin
-from steptwin.features.faults.fault import BoardFault, Fault
+from steptwin.features.faults.fault import BoardFault, Fault, MachineFault
 from steptwin.features.faults.triggers import Trigger
+from steptwin.host.common.file_models import FileTable
 from steptwin.protocol.objects import ENTRIES
 from steptwin.protocol.od import REVISION_NUMBER, SOFTWARE_VERSION
 from tests.package.wheels import ROOT
@@ -24,7 +25,7 @@ from tests.package.wheels import ROOT
 pytestmark = pytest.mark.slow
 
 PAGE = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
-HEAVY = ["can", "canopen", "matplotlib", "numba", "numpy", "rich", "scipy", "typer"]
+HEAVY = ["can", "canopen", "matplotlib", "numba", "numpy", "pydantic", "rich", "scipy", "typer"]
 _SECTION = re.compile(r"^### `((\w+).*?)`\n(.*?)(?=^##|\Z)", flags=re.MULTILINE | re.DOTALL)
 SECTIONS = {name: (heading, text) for heading, name, text in _SECTION.findall(PAGE)}
 """Heading and text of each name's section."""
@@ -100,7 +101,8 @@ def test_members(name: str) -> None:
     bases: list[type] = [
         base for base in (tuple, str, BaseException, steptwin.StepTwinError) if base in cls.__mro__[1:]
     ]
-    bases += [base for base in (Fault, BoardFault, Trigger) if issubclass(cls, base)]  # what all of them have is inner
+    inner = (Fault, MachineFault, BoardFault, Trigger, FileTable)  # what all of them have
+    bases += [base for base in inner if issubclass(cls, base)]
     bases += [steptwin.BusFault] if steptwin.BusFault in cls.__mro__[1:] else []
     inherited = {member for base in bases for member in {*dir(base), *inspect.get_annotations(base)}}
     constructor = set(re.findall(r"\w+", heading))

@@ -8,7 +8,7 @@ WEAR = "steptwin_wear.wear"  # imported when it is needed: `steptwin --help` sta
 
 FEATURE = Feature(
     name="wear",
-    section=lambda table, key: import_module(WEAR).WearSection.read(table, key),
+    section=lambda: import_module(WEAR).WearSection,
     part=lambda robot, *_: import_module(WEAR).WearPart(robot) if "wear" in robot.sections else None,
     judge=lambda: import_module(WEAR),
     figures=lambda: import_module(WEAR).FIGURES,

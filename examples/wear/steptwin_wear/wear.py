@@ -9,29 +9,26 @@ from steptwin.emulator.simulation import Simulation
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import RunDir
 from steptwin.host.cli.output import print_table
-from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import MachinePart
+from steptwin.host.common.file_models import FileTable, Positive
 from steptwin.host.common.tables import Table
-from steptwin.host.verify.figures import Figure, FigureLimit, SeenAxis
+from steptwin.host.verify.figures import FigureLimit, ReportFigure, SeenAxis
 
 EVERY_COUNTS, UNITS_PER_TURN = 72_000_000 // 100, 200 * 16_384  # a look each 10 ms; full steps in wire units
 
 
 @dataclass(frozen=True)
-class WearSection:
-    """The section of robot files: how many turns of its motor an axis lasts."""
+class WearSection(FileTable):
+    """The wear of the motors.
 
-    life_turns: float
+    Attributes:
+        life_turns: turns of its motor that an axis lasts.
+    """
 
-    @classmethod
-    def read(cls, table: Table, key: str) -> "WearSection":
-        with table.section(key) as own:
-            own.check_keys(("life_turns",))
-            return cls(own.number("life_turns"))
+    life_turns: Positive
 
     def check(self, robot: Any) -> None:
-        if not self.life_turns > 0:
-            raise InputError(f"wear.life_turns: {self.life_turns:g} is not above 0")
+        pass  # it names nothing of the robot
 
 
 @dataclass
@@ -78,8 +75,8 @@ def turns(axis: SeenAxis) -> float:
 
 LIFE = FigureLimit("wear", "turns, of those that a motor lasts", lambda robot, _: robot.sections["wear"].life_turns)
 FIGURES = {  # of each axis: for report.json, a column of the verdict and, with a limit, for campaigns
-    "turns": Figure(says="turns of the motor", of=turns, heading="turns", form="{:.3f}", limit=LIFE),
-    "life_percent": Figure(says="part of its life", of=lambda axis: 100.0 / axis.seen["life_turns"] * turns(axis)),
+    "turns": ReportFigure(says="turns of the motor", of=turns, heading="turns", form="{:.3f}", limit=LIFE),
+    "life_percent": ReportFigure(says="life used", of=lambda axis: 100.0 / axis.seen["life_turns"] * turns(axis)),
 }
 
 

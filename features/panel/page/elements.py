@@ -1,6 +1,5 @@
-"""The small parts of every view: cards, headings, buttons, chips, tables and live numbers."""
+"""The small parts of every view: cards, headings, buttons, chips, tables, forms and live numbers."""
 
-import json
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,16 +8,14 @@ from typing import Any, Final, Literal, Protocol
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
-from steptwin.features.panel.desk.state import Snapshot
+from steptwin.features.panel.service.snapshots import Snapshot
 from steptwin.host.planning.jobs.options import OptionRange
 
 
 class View(Protocol):
     """A part of the page."""
 
-    def refresh(self, snapshot: Snapshot) -> None:
-        """Show what has changed; called whenever something has, but not for numbers that always change."""
-        ...
+    def refresh(self, snapshot: Snapshot) -> None: ...
 
 
 Handler = Callable[[], Any]
@@ -36,23 +33,28 @@ def card(title: str = "", classes: str = "") -> ui.element:
 
 
 def heading(text: str) -> ui.element:
-    """Return a heading of a card."""
     return ui.label(text).classes("heading").props('role=heading aria-level="2"')
 
 
 def line(classes: str = "") -> ui.element:
-    """Return a row of things, which wraps on a narrow screen."""
     return ui.element("div").classes(f"row-line {classes}")
 
 
+def titled(text: str, classes: str = "") -> ui.element:
+    """Return a row of things that begins with what they are."""
+    row = line(classes)
+    with row:
+        ui.label(text).classes("muted")
+    return row
+
+
 def stack(classes: str = "") -> ui.element:
-    """Return a column of things."""
     return ui.element("div").classes(f"stack {classes}")
 
 
 def act(text: str, on_click: Handler, icon: str | None = None, *, moves: bool = False) -> ui.button:
     """Return the button of a view's main action; arguments as `plain`."""
-    return _button("act", text, on_click, icon, "", moves)
+    return plain(text, on_click, icon, moves=moves).classes(add="act", remove="plain")
 
 
 def plain(
@@ -67,11 +69,7 @@ def plain(
         label: its name for those who cannot see what it stands beside; its text by default.
         moves: True if it moves the machine or changes it: it is dead while the page does not see the machine.
     """
-    return _button("plain", text, on_click, icon, label, moves)
-
-
-def _button(kind: str, text: str, on_click: Handler | None, icon: str | None, label: str, moves: bool) -> ui.button:
-    button = ui.button(text, on_click=on_click, icon=icon, color=None).props("unelevated no-caps").classes(kind)
+    button = ui.button(text, on_click=on_click, icon=icon, color=None).props("unelevated no-caps").classes("plain")
     if label:
         button.props["aria-label"] = label
     if moves:
@@ -93,8 +91,8 @@ class Chip:
         element: what NiceGUI shows.
     """
 
-    def __init__(self, text: str = "", tone: Tone = "") -> None:
-        self.element: ui.label = ui.label(text).classes("chip")
+    def __init__(self, text: str = "", tone: Tone = "", classes: str = "") -> None:
+        self.element: ui.label = ui.label(text).classes(f"chip {classes}")
         self._tone: Tone = ""
         self.show(text, tone)
 
@@ -115,18 +113,18 @@ def live(name: str, classes: str = "number") -> ui.element:
 
 
 def note(text: str, tone: Tone = "") -> ui.label:
-    """Return a remark."""
     return ui.label(text).classes(f"note {tone}")
 
 
 def choice(label: str, options: Mapping[Any, str], value: Any, on_change: Callable[[Any], Any]) -> ui.toggle:
     """Return a row of buttons with one chosen; `on_change` gets the chosen key."""
     toggle = ui.toggle(dict(options), value=value, on_change=lambda event: on_change(event.value))
-    toggle.props("unelevated no-caps dense toggle-color=primary").classes("choice")
+    toggle.props("unelevated no-caps dense toggle-color=primary role=group").classes("choice")
     toggle.props["aria-label"] = label
-    toggle.props["role"] = "group"
     return toggle
 
+
+# --- forms
 
 _NUMBER: Final = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
@@ -178,13 +176,13 @@ def make_input(given: FormField, changed: Handler = lambda: None) -> Input:
     A number that is missing or out of range is marked, and `wrong` tells of it.
     """
     made: Input
+    allowed = given.allowed
     if given.choices:
         options = dict(given.choices) if isinstance(given.choices, Mapping) else list(given.choices)
         made = ui.select(options, value=given.value, label=given.title, on_change=lambda _: changed())
-    elif given.allowed is None:
+    elif allowed is None:
         made = ui.input(given.title, value=str(given.value), on_change=lambda _: changed())
     else:
-        allowed = given.allowed
         limits = f"{allowed.lower:g} to {allowed.upper:g} {allowed.unit}".rstrip()
 
         def fits(value: float | None) -> bool:
@@ -233,11 +231,14 @@ class Form:
                 self._inputs[name].set_value(value)
 
 
-def table(headings: Iterable[tuple[str, str]]) -> ui.element:
-    """Return the body of a table; headings are texts with the classes of their columns."""
+# --- tables
+
+
+def table(*headings: str) -> ui.element:
+    """Return the body of a table; headings are texts with the classes of their columns behind a bar: `end|number`."""
     with ui.element("table").classes("grid-table"):
         with ui.element("thead"), ui.element("tr"):
-            for text, classes in headings:
+            for text, _, classes in (each.partition("|") for each in headings):
                 with ui.element("th").props('scope="col"') if text else cell() as head:
                     ui.label(text)
                 head.classes(classes)
@@ -250,8 +251,3 @@ def cell(text: str = "", classes: str = "") -> ui.element:
         if text:
             ui.label(text)
     return made
-
-
-def call(function: str, *arguments: object) -> str:
-    """Return JavaScript that calls a function with arguments."""
-    return f"{function}({', '.join(json.dumps(argument) for argument in arguments)})"

@@ -52,12 +52,10 @@ def _is_number(value: object) -> bool:
 
 
 def _is_printed(value: object) -> bool:
-    """Return whether a value is a text that may be printed on a terminal."""
     return isinstance(value, str) and all(char.isprintable() or char in "\n\t" for char in value)
 
 
 def _are_arguments(value: object) -> bool:
-    """Return whether a value is a list of JSON texts, or of nothing."""
     return isinstance(value, list) and all(
         text is None or (isinstance(text, str) and _parsed(text) is not _NO_JSON) for text in value
     )
@@ -229,7 +227,7 @@ class Guard:
         refusal = self._foreign(headers)
         if refusal:
             await _refuse(scope, receive, send, 403, refusal)
-        elif self._brings_token(scope):
+        elif scope["type"] == "http" and self._is_token(_query(scope).get(TOKEN, "")):
             await _answer(send, 303, "", [(b"location", _without_token(scope)), (b"set-cookie", self._cookie())])
         elif not self._knows(headers):
             await _refuse(scope, receive, send, 403, "open the address that was printed when the panel was started")
@@ -275,10 +273,6 @@ class Guard:
             return "the request comes from another site"
         return None
 
-    def _brings_token(self, scope: Scope) -> bool:
-        given = _query(scope).get(TOKEN)
-        return scope["type"] == "http" and given is not None and self._is_token(given)
-
     def _knows(self, headers: Headers) -> bool:
         if self._access.token is None:
             return True
@@ -298,7 +292,6 @@ class Guard:
 
 
 def _length(headers: Headers) -> int:
-    """Return the length that a request gives for its body, 0 without one."""
     text = headers.get("content-length", "0")
     return int(text) if text.isascii() and text.isdecimal() and len(text) <= _DIGITS_MAX else BODY_BYTES_MAX + 1
 

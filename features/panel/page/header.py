@@ -1,16 +1,16 @@
 """The head of the page: what the machine does, what is in the way, who operates, what stops it; the log of events."""
 
 import time
-from collections.abc import Iterable
+from collections.abc import Callable
 from typing import Final
 
 from nicegui import ui
 
-from steptwin.features.panel.desk.commands import HomeAll, ResetFaults
-from steptwin.features.panel.desk.history import Event, Severity
-from steptwin.features.panel.desk.state import Activity, Snapshot
 from steptwin.features.panel.page.elements import Chip, Tone, card, choice, heading, icon_button, line, plain
 from steptwin.features.panel.page.visitor import SHOWN, Visitor
+from steptwin.features.panel.service.commands import HomeAll, ResetFaults
+from steptwin.features.panel.service.history import Event, Severity
+from steptwin.features.panel.service.snapshots import Activity, Snapshot, grouped
 from steptwin.host.client.words import STOP_PRESSED
 
 
@@ -22,72 +22,56 @@ class PageHead:
     """
 
     def __init__(self, visitor: Visitor) -> None:
-        self._visitor = visitor
-        desk = visitor.desk
+        self._visitor, service = visitor, visitor.service
+
+        def attempt(action: Callable[[], None]) -> Callable[[], object]:
+            return lambda: visitor.attempt(action)
+
         self.root: ui.header = ui.header().classes("panel-header")
         with self.root:
-            ui.label(desk.robot.name).classes("panel-title").props('role=heading aria-level="1"')
+            ui.label(service.robot.name).classes("panel-title").props('role=heading aria-level="1"')
             self._simulated = Chip("SIMULATED", "warn")
             ui.label("no connection to the panel").classes("chip bad no-panel")
-            self._state = Chip()
-            self._activity = Chip()
-            for said in (self._state, self._activity):
-                said.element.classes("said")
+            self._state, self._activity = Chip(classes="said"), Chip(classes="said")
             self._activity.element.props["data-activity"] = ""
             ui.element("div").classes("panel-spring")
             with line("tight"):
-                self._pause = plain("Pause", lambda: visitor.attempt(lambda: desk.pause(visitor.name)), "pause")
-                self._resume = plain("Resume", lambda: visitor.attempt(self._go_on), "play_arrow", moves=True)
+                self._pause = plain("Pause", attempt(lambda: service.pause(visitor.name)), "pause")
+                resume = attempt(lambda: service.resume(visitor.tab, SHOWN.get()))
+                self._resume = plain("Resume", resume, "play_arrow", moves=True)
                 halt = plain("Stop", None, "stop")  # the panel's script sends stops, in more ways than one
                 halt.props["data-stop"] = "stop"
             with line("tight said"):
                 self._operator = Chip()
-                self._take = plain("Operate", self._take_lease)
-                self._give = plain("Give up", self._give_lease)
-            theme = icon_button("contrast", "light or dark")
-            theme.props["data-theme-switch"] = ""
+                take = attempt(lambda: service.operator.take(visitor.tab, visitor.name))
+                self._take = plain("Operate", take)
+                self._give = plain("Give up", lambda: service.operator.give_up(visitor.tab))
+            icon_button("contrast", "light or dark").props["data-theme-switch"] = ""
             with ui.button(color=None).props("unelevated").classes("estop") as stop:
                 ui.label("E-STOP")
                 ui.label("Esc").classes("key")
-            stop.props["data-stop"] = "emergency_stop"
-            stop.props["aria-label"] = "emergency stop, key Escape"
+            stop.props.update({"data-stop": "emergency_stop", "aria-label": "emergency stop, key Escape"})
             ui.element("div").classes("stop-line").props('role=alert data-stop-line=""')
             with ui.element("div").classes("part-track"):
                 ui.element("div").classes("part-bar").props["data-part"] = ""
 
     def refresh(self, snapshot: Snapshot) -> None:
-        """Show state, activity and operator."""
         self._simulated.show("SIMULATED" if snapshot.simulated else "", "warn")
         self._state.show(*machine_state(snapshot))
         activity = snapshot.activity
         self._activity.show("" if activity is None else activity_words(activity))
-        trajectory = activity is not None and activity.pausable
         paused = activity is not None and activity.paused
         self._pause.set_visibility(not paused)
-        self._pause.set_enabled(trajectory)
+        self._pause.set_enabled(activity is not None and activity.pausable)
         self._resume.set_visibility(paused)
-        self._refresh_operator(snapshot)
-
-    def _refresh_operator(self, snapshot: Snapshot) -> None:
-        operates = self._visitor.operates
-        if operates:
+        if self._visitor.operates:
             self._operator.show(f"you operate ({self._visitor.name})", "good")
         elif snapshot.operator is None:
             self._operator.show("nobody operates")
         else:
             self._operator.show(f"{snapshot.operator} operates, you watch", "warn")
-        self._take.set_text("Operate" if snapshot.operator is None else "Take over")
-        self._take.set_visibility(not operates)
-        self._give.set_visibility(operates)
-
-    def _go_on(self) -> None:
-        self._visitor.desk.resume(self._visitor.tab, SHOWN.get())
-
-    def _take_lease(self) -> None:
-        self._visitor.desk.operators.take(self._visitor.tab, self._visitor.name, over=True)
-
-    def _give_lease(self) -> None:
-        self._visitor.desk.operators.give_up(self._visitor.tab)
+        self._take.set_visibility(snapshot.operator is None)
+        self._give.set_visibility(self._visitor.operates)
 
 
 def machine_state(snapshot: Snapshot) -> tuple[str, Tone]:
@@ -96,7 +80,7 @@ def machine_state(snapshot: Snapshot) -> tuple[str, Tone]:
         return "not connected", "bad"
     if snapshot.emergency_stopped:
         return "emergency stop", "bad"
-    if any(joint.error for joint in snapshot.drives):
+    if snapshot.faulty:
         return "fault", "bad"
     if any(joint.hindrance for joint in snapshot.drives):
         return "cannot be switched on", "bad"
@@ -112,13 +96,8 @@ def activity_words(activity: Activity) -> str:
     return f"{activity.name}{part}{', paused' if activity.paused else ''}"
 
 
-_BEHIND_PERCENT: Final = 5.0
-"""Part of the time that an emulated board's clock must have stood to be worth a line."""
-_READY: Final = "Nothing is in the way."
-
-
 class Banner:
-    """The line that says why the machine does not do what it is asked for, and the way out; its place is kept free."""
+    """The line that says why the machine does not do what is requested, and the way out; its place is kept free."""
 
     def __init__(self, visitor: Visitor) -> None:
         with (
@@ -126,20 +105,25 @@ class Banner:
             ui.element("div").classes("banner").props("role=status") as self._line,
         ):
             self._text = ui.label()
-            self._reset = plain("Reset", lambda: visitor.ask(ResetFaults()), "restart_alt", moves=True)
-            self._home = plain("Home all", lambda: visitor.ask(HomeAll()), "home", moves=True)
+            self._remedies = {
+                "reset": plain("Reset", lambda: visitor.ask(ResetFaults()), "restart_alt", moves=True),
+                "home": plain("Home all", lambda: visitor.ask(HomeAll()), "home", moves=True),
+            }
         self._tone: Tone = ""
 
     def refresh(self, snapshot: Snapshot) -> None:
-        """Show the most important reason."""
         text, tone, remedy = obstacle(snapshot)
-        self._text.set_text(text or _READY)
+        self._text.set_text(text or "Nothing is in the way.")
         self._text.props["title"] = text
-        self._reset.set_visibility(remedy == "reset")
-        self._home.set_visibility(remedy == "home")
+        for name, button in self._remedies.items():
+            button.set_visibility(name == remedy)
         if tone != self._tone:
             self._line.classes(add=tone, remove=self._tone)
             self._tone = tone
+
+
+_BEHIND_PERCENT: Final = 5.0
+"""Part of the time that an emulated board's clock must have stood to be worth a line."""
 
 
 def obstacle(snapshot: Snapshot) -> tuple[str, Tone, str]:
@@ -147,63 +131,45 @@ def obstacle(snapshot: Snapshot) -> tuple[str, Tone, str]:
     joints = snapshot.drives
     if not snapshot.connected:
         seen = " Positions are the last known." if joints else ""
-        return f"Not connected: {sentence(str(snapshot.why_not))}{seen}", "bad", ""
-    hindered = by_reason((joint.name, joint.hindrance) for joint in joints)
+        return f"Not connected: {_sentence(str(snapshot.why_not))}{seen}", "bad", ""
+    hindered = grouped((joint.name, joint.hindrance) for joint in joints if joint.hindrance is not None)
     if snapshot.emergency_stopped:
         pressed = STOP_PRESSED in hindered
         way_out = "pull its button out at the machine, then reset" if pressed else "nothing moves until the reset"
         return f"Emergency stop: {way_out}.", "bad", "reset"
-    faults = by_reason((joint.name, joint.error) for joint in joints)
+    faults = grouped((joint.name, joint.error) for joint in joints if joint.error is not None)
     if faults:
         text = "; ".join(f"{', '.join(names)}: {fault}" for fault, names in faults.items())
-        return f"Fault: {sentence(text)}", "bad", "reset"
+        return f"Fault: {_sentence(text)}", "bad", "reset"
     if hindered:
         text = "; ".join(
             why if len(names) == len(joints) else f"{', '.join(names)}: {why}" for why, names in hindered.items()
         )
-        return f"The drives cannot be switched on: {sentence(text)}", "bad", ""
+        return f"The drives cannot be switched on: {_sentence(text)}", "bad", ""
     lost = [joint.name for joint in snapshot.joints if not joint.homed]
     if lost and snapshot.activity is None:
         return f"Not homed: {', '.join(lost)}. Until then these joints can only be jogged.", "warn", "home"
-    behind = _behind(snapshot.stood_percent or 0.0)
-    return behind, "warn" if behind else "", ""
-
-
-def _behind(stood_percent: float) -> str:
-    """Return that an emulated board falls behind, or nothing if it does not."""
-    if stood_percent < _BEHIND_PERCENT:
-        return ""
-    return (
+    stood_percent = snapshot.board.stood_percent or 0.0
+    behind = (
         f"The emulated board falls behind: its clock stood for {stood_percent:.0f} % of the last 5 s, since the"
         " computer is too slow. The machine moves as planned, but takes longer."
     )
+    return (behind, "warn", "") if stood_percent >= _BEHIND_PERCENT else ("", "", "")
 
 
-def by_reason(reasons: Iterable[tuple[str, str | None]]) -> dict[str, list[str]]:
-    """Return the names of those that have a reason, by their reasons."""
-    named: dict[str, list[str]] = {}
-    for name, reason in reasons:
-        if reason is not None:
-            named.setdefault(reason, []).append(name)
-    return named
-
-
-def sentence(text: str) -> str:
-    """Return a text with a full stop, unless it ends a sentence already."""
+def _sentence(text: str) -> str:
     return text if text.endswith(("?", ".", "!")) else f"{text}."
 
 
-_SHOWN: Final = 200
-"""Events that a page shows; the desk keeps more."""
-_FILTERS: Final = {"all": "all", "problems": "problems only"}
+_SHOWN_EVENTS: Final = 200  # the service keeps more
 
 
 class EventLogView:
-    """The newest events first."""
+    """The newest events first; what has failed is shown as a message, too, since the log is at the page's end."""
 
     def __init__(self, visitor: Visitor) -> None:
         self._visitor = visitor
-        self._log = visitor.desk.events
+        self._log = visitor.service.events
         self._told = max((event.number for event in self._log.since()), default=0)
         """Number of the last event that this browser need not be told of as a message."""
         self._faulty = False
@@ -214,40 +180,35 @@ class EventLogView:
             with line("between"):
                 heading("What has happened")
                 with line("tight"):
-                    choice("events to show", _FILTERS, self._filter, self._choose)
+                    choice("events to show", {"all": "all", "problems": "problems only"}, "all", self._choose)
                     plain("Clear", self._log.clear)
             self._list = ui.element("div").classes("events").props('role=log aria-label="events" tabindex=0')
 
     def refresh(self, snapshot: Snapshot) -> None:
-        """Show the events that have come; those that were cleared go."""
-        self._tell(snapshot)
-        self._show(self._wanted())
-
-    def _tell(self, snapshot: Snapshot) -> None:
-        """Show what has failed as a message, too, since the log is at the page's end; a reset takes messages away."""
-        was_faulty, self._faulty = self._faulty, snapshot.emergency_stopped or any(j.error for j in snapshot.drives)
+        was_faulty, self._faulty = self._faulty, snapshot.emergency_stopped or snapshot.faulty
         if was_faulty and not self._faulty and snapshot.connected:
             self._visitor.withdraw()
         for event in self._log.since(self._told):
             self._told = event.number
             if event.severity is Severity.ERROR and snapshot.connected:  # the banner says that it is not
                 self._visitor.tell(event.text)
-
-    def _wanted(self) -> list[Event]:
-        events = self._log.since()
-        return [event for event in events if self._filter == "all" or event.severity is not Severity.INFO][-_SHOWN:]
+        self._show()
 
     def _choose(self, name: str) -> None:
         self._filter = name
+        self._clear()
+        self._show()
+
+    def _clear(self) -> None:
         self._list.clear()
         self._shown = []
-        self._show(self._wanted())
 
-    def _show(self, events: list[Event]) -> None:
+    def _show(self) -> None:
+        wanted = [each for each in self._log.since() if self._filter == "all" or each.severity is not Severity.INFO]
+        events = wanted[-_SHOWN_EVENTS:]
         numbers = [event.number for event in events]
         if self._shown and (not numbers or numbers[0] != self._shown[0]):
-            self._list.clear()
-            self._shown = []
+            self._clear()
         for event in events[len(self._shown) :]:
             with self._list:
                 _row(event).move(self._list, target_index=0)

@@ -1,16 +1,15 @@
-"""The page of each browser, and the hub of all: one look at the desk a tick, and one message with it for everyone."""
+"""The page of each browser, and the hub of all: one look at the service a tick, and one message for everyone."""
 
 import asyncio
 import json
 import time
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable
+from functools import partial
 from typing import Any, Final, TypeVar
 
 import numpy as np
-from nicegui import Client, app, core, ui
+from nicegui import app, core, ui
 
-from steptwin.features.panel.desk.desk import Desk
-from steptwin.features.panel.desk.state import Snapshot
 from steptwin.features.panel.page.elements import View
 from steptwin.features.panel.page.hardware import HardwareTab
 from steptwin.features.panel.page.header import Banner, EventLogView, PageHead
@@ -22,11 +21,11 @@ from steptwin.features.panel.page.run import RunTab
 from steptwin.features.panel.page.scene import SceneCard, flat_lines
 from steptwin.features.panel.page.settings import SettingsTab
 from steptwin.features.panel.page.visitor import Answer, Visitor, apply_theme, note_shown, on_stop
+from steptwin.features.panel.service.service import MachineService
+from steptwin.features.panel.service.snapshots import Snapshot
 from steptwin.host.client.control_client import ControlClient
-from steptwin.host.common.arrays import FloatArray
 
 V = TypeVar("V", bound=View)
-
 
 _SHOWN_S: Final = 5.0
 """Time from sending a change to when a browser must show it."""
@@ -47,14 +46,13 @@ class Page:
         """Make the views, with a turn for others after each: a page that is opened must not hold up another's beats."""
         visitor = self.visitor
         apply_theme()
-        header = await self._add(PageHead(visitor))
-        self._head = header.root
+        self._head = (await self._add(PageHead(visitor))).root
         self._root = ui.element("div")
-        with header.root:
+        with self._head:
             await self._add(Banner(visitor))
         with self._root, ui.element("div").classes("panel-body"):
             with ui.element("div").classes("panel-left"):
-                self._scene = await self._add(SceneCard(visitor.desk.robot, visitor.desk.drawing))
+                self._scene = await self._add(SceneCard(visitor.service.robot, visitor.service.drawing))
                 self._plots = await self._add(PlotsCard(visitor))
             with ui.element("div").classes("panel-right"):
                 await self._add(Joints(visitor))
@@ -79,6 +77,7 @@ class Page:
         }
         if control is not None:
             makers["Hardware"] = lambda: HardwareTab(visitor, control)
+        made: dict[str, View] = {}
         with ui.element("section").classes("panel-card flush place-tabs"):
             with ui.tabs().props("dense no-caps align=left outside-arrows mobile-arrows") as tabs:
                 for name in makers:
@@ -87,19 +86,12 @@ class Page:
                 for name, make in makers.items():
                     with ui.tab_panel(name).classes("stack") as panel:
                         panel.props["aria-label"] = name
-                        await self._add(make())
-            tabs.on_value_change(lambda event: self._open(event.value))
-
-    def _open(self, name: str) -> None:
-        """Let the Hardware tab follow its machine while it is shown."""
-        for view in self.views:
-            if isinstance(view, HardwareTab):
-                view.open(name == "Hardware")
-
-    @property
-    def run(self) -> RunTab:
-        """The Run tab."""
-        return next(view for view in self.views if isinstance(view, RunTab))
+                        made[name] = await self._add(make())
+        run = made["Run"]
+        assert isinstance(run, RunTab)
+        self.run = run
+        if isinstance(hardware := made.get("Hardware"), HardwareTab):
+            tabs.on_value_change(lambda event: hardware.open(event.value == "Hardware"))
 
     def arrive(self, before: "Page | None") -> None:
         """Show the past to a browser that has connected, and let it operate the machine if no other one does.
@@ -107,13 +99,13 @@ class Page:
         `before` is the page that the same tab has just shown; None without one.
         """
         if before is not None:
-            self.run.go_on(before.run.shown())
+            self.run.go_on(before.run)
         self._expect_from_now()  # what was missed is sent now
         self._scene.arrive()
         self._plots.fill()
-        operators = self.visitor.desk.operators
-        if operators.holder is None:
-            self.visitor.attempt(lambda: operators.take(self.visitor.tab, self.visitor.name))
+        visitor = self.visitor
+        if visitor.service.operator.holder is None:
+            visitor.attempt(lambda: visitor.service.operator.take(visitor.tab, visitor.name))
 
     def _expect_from_now(self) -> None:
         """Expect no change that came before to be shown: `_marked` is due next, since it was noted at `_marked_s`."""
@@ -140,7 +132,8 @@ class Page:
 
 def tick_of(snapshot: Snapshot) -> dict[str, Any]:
     """Return what the panel's script shows of a snapshot: numbers in mm, degrees, percent and ms; None is unknown."""
-    pose, activity = snapshot.pose, snapshot.activity
+    pose, activity, parts = snapshot.pose, snapshot.activity, snapshot.links_mm
+    drawable = parts and all(np.isfinite(part).all() for part in parts)  # else the mechanism cannot be assembled
     return {
         "n": snapshot.number,
         "held": snapshot.emergency_stopped and all(joint.error is not None for joint in snapshot.drives),
@@ -150,23 +143,17 @@ def tick_of(snapshot: Snapshot) -> dict[str, Any]:
         "v": [_rounded(joint.rate) for joint in snapshot.drives],
         "e": [_rounded(joint.following_error) for joint in snapshot.drives],
         "pose": None if pose is None else [round(figure, 3) for figure in pose.values()],
-        "arm": _drawable(snapshot.links_mm),
+        "arm": flat_lines(parts) if drawable else None,
         "tool": None if pose is None else [round(figure, 2) for figure in list(pose.values())[:3]],
-        "load": _rounded(snapshot.bus_load_percent),
+        "load": _rounded(snapshot.board.bus_load_percent),
         "fill": None if snapshot.queue_fill is None else round(100 * snapshot.queue_fill),
-        "late": _rounded(snapshot.late_ms),
+        "late": _rounded(snapshot.board.late_ms),
         "part": 0 if activity is None or activity.fraction is None else round(activity.fraction, 3),
     }
 
 
-def _rounded(value: float | None) -> float | None:
-    return None if value is None else round(value, 4)
-
-
-def _drawable(parts: Iterable[FloatArray]) -> list[list[float]] | None:
-    """Return the arm's parts; None where the mechanism cannot be assembled, which has no picture."""
-    drawn = tuple(parts)
-    return flat_lines(drawn) if drawn and all(np.isfinite(part).all() for part in drawn) else None
+def _rounded(value: float | None, digits: int = 4) -> float | None:
+    return None if value is None else round(value, digits)
 
 
 TICK_S: Final = 1 / 30
@@ -177,9 +164,9 @@ _ALIVE_S: Final = 0.1
 class Hub:
     """Makes a page for each browser and keeps all of them up to date."""
 
-    def __init__(self, desk: Desk, positions_file: str, control: ControlClient | None = None) -> None:
-        """Share a desk, the file of saved positions, and the control port of a served board."""
-        self._desk = desk
+    def __init__(self, service: MachineService, positions_file: str, control: ControlClient | None = None) -> None:
+        """Share a service, the file of saved positions, and the control port of a served board."""
+        self._service = service
         self._positions_file = positions_file
         self._control = control
         self._pages: dict[str, Page] = {}
@@ -189,39 +176,46 @@ class Hub:
         self._sent_s = 0.0
 
     def start(self) -> None:
-        """Follow the desk from now on; call this before the server runs."""
+        """Follow the service from now on; call this before the server runs."""
         app.timer(TICK_S, self.tick, immediate=False)
         note_shown()
-        on_stop("emergency_stop", self._emergency_stop)
-        on_stop("stop", self._stop)
+        for name, stop in (("emergency_stop", self._service.emergency_stop), ("stop", self._service.stop)):
+            on_stop(name, partial(self._stop, stop))
+
+    def _stop(self, stop: Callable[[str, str | None], bool], page: str | None, press: str | None) -> Answer:
+        known = self._pages.get(page or "")
+        return {"told": stop(known.visitor.name if known else "a browser", press)}
 
     async def build(self) -> None:
-        """Make the page of the browser that asks for it; its tab is the desk's client, which outlives a reload."""
+        """Make the page of the browser that asks for it; its tab is the service's client, which outlives a reload."""
         client = ui.context.client
-        visitor = Visitor(self._desk, client)
+        visitor = Visitor(self._service, client)
         page = Page(visitor)
         await page.build(self._positions_file, self._control)
-        page.refresh(self._desk.snapshot)
+        page.refresh(self._service.snapshot)
         self._pages[client.id] = page
+
+        def of_same_tab() -> Page | None:
+            others = (each for each in self._pages.values() if each is not page)
+            return next((each for each in others if each.visitor.tab == visitor.tab), None)
 
         def connected() -> None:
             visitor.tab = client.tab_id or client.id
             visitor.name = self._names.setdefault(visitor.tab, f"browser {len(self._names) + 1}")
-            page.arrive(next((each for each in self._pages.values() if _is_older(each, page)), None))
-            page.refresh(self._desk.snapshot)
+            page.arrive(of_same_tab())
+            page.refresh(self._service.snapshot)
+
+        def leave() -> None:
+            self._pages.pop(client.id, None)
+            if of_same_tab() is None:  # as it is after a reload
+                self._service.gone(visitor.tab)
 
         client.on_connect(connected)
-        client.on_delete(lambda: self._leave(client, visitor))
-
-    def _leave(self, client: Client, visitor: Visitor) -> None:
-        """Let the tab go, unless another page of it is open, as after a reload."""
-        self._pages.pop(client.id, None)
-        if all(page.visitor.tab != visitor.tab for page in self._pages.values()):
-            self._desk.gone(visitor.tab)
+        client.on_delete(leave)
 
     async def tick(self) -> None:
         """Send the newest snapshot to all browsers, and let their views follow what has changed."""
-        snapshot = self._desk.snapshot
+        snapshot = self._service.snapshot
         now_s = time.monotonic()
         if snapshot.connected and snapshot.number != self._number:
             self._number, self._sent_s = snapshot.number, now_s
@@ -241,47 +235,15 @@ class Hub:
 
     def _changes(self, snapshot: Snapshot) -> Hashable:
         """Return all that views show beside the numbers of a tick; while it stays the same they need not look."""
-        activity, results = snapshot.activity, self._desk.results
+        activity, service = snapshot.activity, self._service
         return (
-            (
-                snapshot.connected,
-                snapshot.why_not,
-                snapshot.simulated,
-                snapshot.emergency_stopped,
-                snapshot.pose is None,
-                round(snapshot.stood_percent or 0.0),
-                None if snapshot.speed_percent is None else round(snapshot.speed_percent),
-            ),
+            (snapshot.connected, snapshot.why_not, snapshot.simulated, snapshot.emergency_stopped),
+            (snapshot.pose is None, _rounded(snapshot.board.stood_percent, 0), _rounded(snapshot.speed_percent, 0)),
             tuple((joint.homed, joint.state, joint.error, joint.hindrance) for joint in snapshot.drives),
-            activity
-            and (
-                activity.name,
-                activity.paused,
-                activity.pausable,
-                activity.waits_for,
-                round(100 * (activity.fraction or 0)),
-            ),
+            activity and (activity.name, activity.paused, activity.pausable, activity.waits_for),
+            activity and round(100 * (activity.fraction or 0)),
             (tuple(snapshot.inputs.items()), tuple(snapshot.outputs.items())),
-            self._desk.operators.holder,
-            self._desk.events.span,
-            results and results[-1].number,
-            self._desk.settings,
-            self._desk.drawing.version,
+            (service.operator.holder, service.events.span, service.drawing.version),
+            service.results and service.results[-1].number,
+            service.settings,
         )
-
-    # --- stops, by any browser
-
-    def _emergency_stop(self, page: str | None, press: str | None) -> Answer:
-        return {"told": self._desk.emergency_stop(self._name(page), press)}
-
-    def _stop(self, page: str | None, press: str | None) -> Answer:
-        return {"told": self._desk.stop(self._name(page), press)}
-
-    def _name(self, page: str | None) -> str:
-        known = self._pages.get(page or "")
-        return known.visitor.name if known else "a browser"
-
-
-def _is_older(other: Page, page: Page) -> bool:
-    """Return whether a page is what the tab of another one has shown before it was loaded again."""
-    return other is not page and other.visitor.tab == page.visitor.tab

@@ -4,8 +4,8 @@ An uploaded file is planned in a process of its own: it can be ended, and its me
 stays as it was, whatever is in the file. The process ends when its task is cancelled, when it takes too long or too
 much memory, and with the page's process: its stdin then ends.
 
-`python -m steptwin.features.panel.page.motions` is that process: it reads the arguments of `plan_upload` from stdin and
-writes the plan, or the error, to stdout, both pickled; they come from this program alone.
+`python -m steptwin.features.panel.page.motions` is that process: it reads an `UploadedMotion` from stdin and writes the
+plan, or the error, to stdout, both pickled; they come from this program alone.
 """
 
 import asyncio
@@ -16,12 +16,13 @@ import sys
 from asyncio.subprocess import PIPE
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from threading import Thread
 from typing import Final
 
 import numpy as np
 
-from steptwin.features.panel.page.uploads import RUNNABLE, uploaded
+from steptwin.features.panel.page.uploads import uploaded
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError, StepTwinError
 from steptwin.host.planning.drives import known_drives
@@ -81,10 +82,6 @@ def naming_titles(fields: Iterable[OptionField]) -> Iterator[None]:
         raise InputError(*error.messages).plainly(plain) from error
 
 
-ENDINGS: Final = RUNNABLE
-"""Endings of the files that can be run."""
-Files = Mapping[str, bytes]
-"""Contents of uploaded files by their names, the newest last."""
 USUAL_UNITS: Final = "deg,mm"
 UNITS: Final = {
     USUAL_UNITS: "degrees, mm",
@@ -103,46 +100,49 @@ def plan_job(robot: Robot, name: str, options: Mapping[str, str], stretch: float
         return _planned(robot, make_job(robot, name, options), stretch)
 
 
-def plan_upload(
-    robot: Robot,
-    name: str,
-    content: bytes,
-    stretch: float | None,
-    units: str = USUAL_UNITS,
-    beside: Files | None = None,
-) -> tuple[Plan, str | None]:
-    """Plan the motion in an uploaded file; return what is to be asked about its units, too, if it hardly moves.
+@dataclass(frozen=True, slots=True)
+class UploadedMotion:
+    """An uploaded file with a motion, and how it is to be planned.
 
-    Args:
+    Attributes:
         robot: the machine.
         name: the file's name.
         content: what is in it.
         stretch: as `plan_stretched`.
         units: of a trajectory file.
-        beside: other uploaded files, to which a program may refer. Nothing else is read: the file that a program names
-            as its robot is the machine's own if it has that robot's name.
-
-    Raises:
-        InputError: something is wrong in the file, which has its own name in the message.
+        beside: other uploaded files by their names, to which a program may refer. Nothing else is read: the file that a
+            program names as its robot is the machine's own if it has that robot's name.
     """
-    with uploaded(name, content, beside or {}, robot) as path:
+
+    robot: Robot
+    name: str
+    content: bytes
+    stretch: float | None
+    units: str = USUAL_UNITS
+    beside: Mapping[str, bytes] = field(default_factory=dict)
+
+
+Planned = tuple[Plan, str | None]
+"""A plan, and what is to be asked about the units of its file, if that is doubtful since it hardly moves."""
+
+
+def plan_upload(file: UploadedMotion) -> Planned:
+    """Plan an uploaded file; raise InputError, with the file's own name, for what is wrong in it."""
+    robot, stretch = file.robot, file.stretch
+    with uploaded(file.name, file.content, file.beside, robot) as path:
         if path.endswith(SUFFIX):
             program = compile_program(read_program(path), robot, drives=known_drives())
             with program.explained(stretch or 1.0):
                 return _planned(robot, program.trajectory, stretch), None
-        motion = read_file_motion(path, robot, units=units)
+        motion = read_file_motion(path, robot, units=file.units)
         with motion.explained(stretch or 1.0):
             planned = _planned(robot, motion.trajectory, stretch)
-        if units != USUAL_UNITS:
+        if file.units != USUAL_UNITS:
             return planned, None
-        return planned, _in_titles(doubt(motion, planned, lambda other: read_file_motion(path, robot, units=other)))
-
-
-def _in_titles(doubted: str | None) -> str | None:
-    """Return a question about units that names others as the Run tab does."""
-    for units, title in reversed(UNITS.items()):
+        doubted = doubt(motion, planned, lambda other: read_file_motion(path, robot, units=other))
+    for units, title in reversed(UNITS.items()):  # as the Run tab names them
         doubted = doubted and doubted.replace(f"units={units} fits", f"“{title}” fits")
-    return doubted
+    return planned, doubted
 
 
 def path_mm(plan: Plan) -> FloatArray:
@@ -161,20 +161,10 @@ MEMORY_BYTES_MAX: Final = 3 << 30
 """Addresses that the process may use; an hour takes some 150 MiB of memory, and libraries reserve far more."""
 _SIZE_BYTES: Final = 8
 
-Planned = tuple[Plan, str | None]
-"""A plan, and what is to be asked about the units of its file, if that is doubtful."""
 
-
-async def plan_apart(
-    robot: Robot,
-    name: str,
-    content: bytes,
-    stretch: float | None,
-    units: str = USUAL_UNITS,
-    beside: Files | None = None,
-) -> Planned:
+async def plan_apart(file: UploadedMotion) -> Planned:
     """Plan an uploaded file as `plan_upload`; raise InputError as it does, or if it takes too long or too much."""
-    request = pickle.dumps((robot, name, content, stretch, units, beside))
+    request = pickle.dumps(file)
     process = await asyncio.create_subprocess_exec(sys.executable, "-m", __name__, stdin=PIPE, stdout=PIPE)
     assert process.stdin
     assert process.stdout
@@ -184,36 +174,17 @@ async def plan_apart(
             await process.stdin.drain()
         answer = await asyncio.wait_for(process.stdout.read(), PLANNING_S_MAX)
     except TimeoutError:
-        raise InputError(f"{name}: planning it takes more than {PLANNING_S_MAX:g} s, so it was ended") from None
+        raise InputError(f"{file.name}: planning it takes more than {PLANNING_S_MAX:g} s, so it was ended") from None
     finally:
         with suppress(ProcessLookupError):
             process.kill()
         await process.wait()
     if not answer:
-        raise InputError(f"{name}: the process that planned it has ended without an answer")
+        raise InputError(f"{file.name}: the process that planned it has ended without an answer")
     planned: Planned | StepTwinError = pickle.loads(answer)
     if isinstance(planned, StepTwinError):
         raise planned
     return planned
-
-
-def _answer(
-    robot: Robot, name: str, content: bytes, stretch: float | None, units: str, beside: Files | None
-) -> Planned | StepTwinError:
-    try:
-        return plan_upload(robot, name, content, stretch, units, beside)
-    except StepTwinError as error:
-        return error
-    except MemoryError:
-        return InputError(f"{name}: planning it takes more memory than it may")
-
-
-def _limit_memory() -> None:
-    """Limit this process' addresses, where the system can."""
-    with suppress(ImportError):
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES_MAX, MEMORY_BYTES_MAX))
 
 
 def _end_with_parent() -> None:
@@ -225,11 +196,21 @@ def _end_with_parent() -> None:
 
 def main() -> None:
     """Plan what stdin asks for."""
-    _limit_memory()
+    with suppress(ImportError):  # not every system can limit the addresses
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES_MAX, MEMORY_BYTES_MAX))
     size = int.from_bytes(sys.stdin.buffer.read(_SIZE_BYTES), "little")
-    request = pickle.loads(sys.stdin.buffer.read(size))
+    file: UploadedMotion = pickle.loads(sys.stdin.buffer.read(size))
     Thread(target=_end_with_parent, daemon=True).start()
-    sys.stdout.buffer.write(pickle.dumps(_answer(*request)))
+    answer: Planned | StepTwinError
+    try:
+        answer = plan_upload(file)
+    except StepTwinError as error:
+        answer = error
+    except MemoryError:
+        answer = InputError(f"{file.name}: planning it takes more memory than it may")
+    sys.stdout.buffer.write(pickle.dumps(answer))
     sys.stdout.buffer.flush()
     os._exit(0)
 

@@ -7,22 +7,20 @@ from collections.abc import Sequence
 from io import StringIO
 from math import isnan
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Final
 
 import nicegui
 import numpy as np
 from nicegui import ui
 
-from steptwin.features.panel.desk.history import HistorySamples
-from steptwin.features.panel.desk.state import Snapshot
 from steptwin.features.panel.page.elements import card, choice, icon_button, line, live, plain
 from steptwin.features.panel.page.visitor import Visitor
+from steptwin.features.panel.service.history import HistorySamples
+from steptwin.features.panel.service.snapshots import Snapshot
 from steptwin.host.robots.joint import Joint
 
 WINDOW_S: Final = 20.0
 """Time that a plot shows."""
-
-Quantity = Literal["position", "rate", "error"]
 
 
 class LivePlot(
@@ -30,27 +28,15 @@ class LivePlot(
     component="static/live_plot.js",
     esm={"nicegui-echart": str(Path(nicegui.__file__).parent / "elements" / "echart" / "dist")},
 ):
-    """A plot of every joint; joints in mm and in degrees have an axis each."""
+    """A plot of every joint; joints in mm and in degrees have an axis each.
+
+    Its methods, by `run_method`: `fill` with rows of the past, `show` with a quantity, `freeze` with whether it stands.
+    """
 
     def __init__(self, joints: Sequence[Joint]) -> None:
         super().__init__()
         names = [{"name": joint.name, "unit": str(joint.unit)} for joint in joints]
         self.props.update(label="plot of the joints over time", joints=names, seconds=WINDOW_S)
-
-    def fill(self, rows: list[list[Any]]) -> None:
-        """Add rows of the past, each (t_s, positions, rates, following errors)."""
-        self.run_method("fill", rows)
-
-    def show(self, quantity: Quantity) -> None:
-        """Choose what is plotted."""
-        self.run_method("show", quantity)
-
-    def freeze(self, on: bool) -> None:
-        """Let the picture stand, or run again."""
-        self.run_method("freeze", on)
-
-
-_QUANTITIES: Final = {"position": "position", "rate": "rate", "error": "following error"}
 
 
 class PlotsCard:
@@ -59,15 +45,17 @@ class PlotsCard:
     def __init__(self, visitor: Visitor) -> None:
         self._visitor = visitor
         self._frozen = False
+        quantities = {"position": "position", "rate": "rate", "error": "following error"}
+        figures = {"load": "bus load, %", "fill": "motion queue, %", "late": "board late, ms"}
         with card(classes="place-plots"):
             with line("between"):
-                choice("what is plotted", _QUANTITIES, "position", self._show)
+                choice("what is plotted", quantities, "position", lambda name: self._plot.run_method("show", name))
                 with line("tight"):
                     self._freeze = plain("Freeze", self._toggle, "pause")
                     icon_button("download", "save the last minutes as CSV", self._export)
-            self._plot = LivePlot(visitor.desk.robot.joints)
+            self._plot = LivePlot(visitor.service.robot.joints)
             with line("small muted"):
-                for key, text in (("load", "bus load, %"), ("fill", "motion queue, %"), ("late", "board late, ms")):
+                for key, text in figures.items():
                     with line("tight"):
                         ui.label(text)
                         live(key)
@@ -77,50 +65,35 @@ class PlotsCard:
 
     def fill(self) -> None:
         """Show the last seconds at once, in a browser that has just opened the page."""
-        samples = self._visitor.desk.history.since(time.monotonic() - WINDOW_S)
-        self._plot.fill(rows_of(samples))
-
-    def _show(self, quantity: Quantity) -> None:
-        self._plot.show(quantity)
+        samples = self._visitor.service.history.since(time.monotonic() - WINDOW_S)
+        columns = (samples.positions, samples.rates, samples.following_errors)
+        known = [
+            [[None if isnan(value) else round(value, 4) for value in row] for row in column.tolist()]
+            for column in columns
+        ]
+        self._plot.run_method("fill", list(zip(samples.t_s.round(3).tolist(), *known, strict=True)))
 
     def _toggle(self) -> None:
         self._frozen = not self._frozen
         self._freeze.set_text("Go on" if self._frozen else "Freeze")
-        self._freeze.props(f"icon={'play_arrow' if self._frozen else 'pause'}")
-        self._plot.freeze(self._frozen)
+        self._freeze.set_icon("play_arrow" if self._frozen else "pause")
+        self._plot.run_method("freeze", self._frozen)
 
     async def _export(self) -> None:
-        robot, history = self._visitor.desk.robot, self._visitor.desk.history
+        robot, history = self._visitor.service.robot, self._visitor.service.history
         joints = [(joint.name, str(joint.unit)) for joint in robot.joints]
         text = await asyncio.to_thread(lambda: csv_of(history.since(), joints))  # others' beats would have to wait
         ui.download.content(text.encode(), f"{robot.name}-history.csv", "text/csv")
-
-
-def rows_of(samples: HistorySamples) -> list[list[object]]:
-    """Return samples as the plot takes them; what the board did not report is null."""
-    columns = (samples.positions, samples.rates, samples.following_errors)
-    known = [
-        [[None if isnan(value) else round(value, 4) for value in row] for row in column.tolist()] for column in columns
-    ]
-    return [list(row) for row in zip(samples.t_s.round(3).tolist(), *known, strict=True)]
 
 
 def csv_of(samples: HistorySamples, joints: list[tuple[str, str]]) -> str:
     """Return samples as CSV, the first at t = 0; what the board did not report is empty."""
     file = StringIO()
     writer = csv.writer(file, lineterminator="\n")
-    quantities = (("", samples.positions), ("/s", samples.rates), ("", samples.following_errors))
-    names = ("", "rate ", "error ")
-    writer.writerow(
-        ["t_s"]
-        + [
-            f"{what}{name} [{unit}{per}]"
-            for what, (per, _) in zip(names, quantities, strict=True)
-            for name, unit in joints
-        ]
-    )
-    t_s = samples.t_s - samples.t_s[0] if samples.t_s.size else samples.t_s
+    columns = (("", "", samples.positions), ("rate ", "/s", samples.rates), ("error ", "", samples.following_errors))
+    writer.writerow(["t_s", *(f"{what}{name} [{unit}{per}]" for what, per, _ in columns for name, unit in joints)])
+    t_s = samples.t_s - samples.t_s[:1]
     for i, instant_s in enumerate(t_s.tolist()):
-        values = np.concatenate([column[i] for _, column in quantities]).tolist()
+        values = np.concatenate([column[i] for _, _, column in columns]).tolist()
         writer.writerow([f"{instant_s:.4f}", *("" if isnan(value) else f"{value:.5f}" for value in values)])
     return file.getvalue()

@@ -3,15 +3,12 @@
 import asyncio
 from collections.abc import Awaitable, Callable, Coroutine, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import PurePath
 from typing import Any, Final
 
 from nicegui import events, ui
-from nicegui.elements.mixins.value_element import ValueElement
 
-from steptwin.features.panel.desk.commands import RunMotion
-from steptwin.features.panel.desk.state import Snapshot
-from steptwin.features.panel.desk.words import AS_SLOW_AS_NEEDED, MOVE_TO_START
 from steptwin.features.panel.page.elements import (
     Chip,
     Form,
@@ -24,27 +21,34 @@ from steptwin.features.panel.page.elements import (
     note,
     plain,
     stack,
+    titled,
     wrong,
 )
 from steptwin.features.panel.page.guard import BODY_BYTES_MAX
 from steptwin.features.panel.page.motions import (
-    ENDINGS,
     UNITS,
     USUAL_UNITS,
     Planned,
+    UploadedMotion,
     option_title,
     path_mm,
     plan_apart,
     plan_job,
 )
 from steptwin.features.panel.page.scene import ArmScene, links_at
-from steptwin.features.panel.page.uploads import companions, to_run
+from steptwin.features.panel.page.uploads import RUNNABLE, companions, to_run
 from steptwin.features.panel.page.visitor import SHOWN, Visitor
+from steptwin.features.panel.service.commands import RunMotion
+from steptwin.features.panel.service.messages import AS_SLOW_AS_NEEDED, MOVE_TO_START
+from steptwin.features.panel.service.snapshots import Snapshot
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.jobs import job_fields, job_names, job_summary
 from steptwin.host.planning.jobs.options import OptionField, OptionRange
 from steptwin.host.planning.peaks import Quantity
 from steptwin.host.planning.plan import Plan
+
+_FILES_MAX: Final = 20
+"""Most files that are there at once."""
 
 
 class Upload:
@@ -61,7 +65,7 @@ class Upload:
         self.root: ui.element = stack("tight")
         with self.root:
             self._field = ui.upload(
-                label=f"choose or drop files: {', '.join(ENDINGS)}",
+                label=f"choose or drop files: {', '.join(RUNNABLE)}",
                 multiple=True,
                 auto_upload=True,
                 max_file_size=BODY_BYTES_MAX,
@@ -70,17 +74,16 @@ class Upload:
                 on_multi_upload=self._take,
                 on_rejected=self._reject,
             )
-            self._field.props(f"accept={','.join(ENDINGS)} flat bordered").classes("upload")
+            self._field.props(f"accept={','.join(RUNNABLE)} flat bordered").classes("upload")
             with line() as self._row:
                 self._name = ui.label()
                 icon_button("close", "take the file away", self._take_away)
         self.show({})
 
     @property
-    def file(self) -> tuple[str, bytes] | None:
-        """Name and content of the file that is to be run; None without one."""
-        name = to_run(self.files)
-        return None if name is None else (name, self.files[name])
+    def main(self) -> str | None:
+        """Name of the file that is to be run; None without one."""
+        return to_run(self.files)
 
     @property
     def beside(self) -> dict[str, bytes]:
@@ -90,11 +93,11 @@ class Upload:
     def show(self, files: Mapping[str, bytes]) -> None:
         """Have other files, or none; nobody is told."""
         self.files = dict(files)
-        self._row.set_visibility(self.file is not None)
-        if self.file is not None:
-            name, content = self.file
+        name = self.main
+        self._row.set_visibility(name is not None)
+        if name is not None:
             beside = f", with {', '.join(self.beside)}" if self.beside else ""
-            self._name.set_text(f"Chosen: {name}, {_size_words(len(content))}{beside}")
+            self._name.set_text(f"Chosen: {name}, {_size_words(len(self.files[name]))}{beside}")
 
     async def _take(self, event: events.MultiUploadEventArguments) -> None:
         """Take files to those that are there, of which only what goes with the file to be run stays."""
@@ -118,17 +121,12 @@ class Upload:
     def _reject(self) -> None:
         self._field.reset()
         self._refused(
-            f"refused: a file ends in none of {', '.join(ENDINGS)}, they have more than {_size_words(BODY_BYTES_MAX)},"
+            f"refused: a file ends in none of {', '.join(RUNNABLE)}, they have more than {_size_words(BODY_BYTES_MAX)},"
             f" or they are more than {_FILES_MAX}"
         )
 
 
-_FILES_MAX: Final = 20
-"""Most files that are there at once."""
-
-
 def _size_words(size_bytes: int) -> str:
-    """Return a size in the unit that fits."""
     if size_bytes < 1000:
         return f"{size_bytes} bytes"
     return f"{size_bytes / 1e3:.3g} kB" if size_bytes < 1_000_000 else f"{size_bytes / 1e6:.3g} MB"
@@ -160,33 +158,23 @@ class Preview:
     ran: bool = False
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Shown:
-    """The contents of a Run tab.
+class RunTab:
+    """A motion, its options, its preview, and the button that starts it.
 
     Attributes:
-        fields: motion, speed, repetitions, whether to move to the start first, and a file's units.
-        options: values of the job's options.
-        files: the files of the user's.
-        preview: what may be run; None without one.
+        form: the options of a job; None for a file of the user's.
+        upload: the user's files.
+        kept: what keeps its value when the tab is loaded again, beside options and files.
+        shown: what may be run; None without a preview.
     """
-
-    fields: tuple[Any, ...]
-    options: Mapping[str, Any]
-    files: Mapping[str, bytes]
-    preview: Preview | None
-
-
-class RunTab:
-    """A motion, its options, its preview, and the button that starts it."""
 
     def __init__(self, visitor: Visitor, scene: ArmScene) -> None:
         self._visitor, self._scene = visitor, scene
-        self._shown: Preview | None = None
+        self.shown: Preview | None = None
         self._planning: asyncio.Task[Planned] | None = None
         visitor.page.on_delete(self._end_planning)
-        jobs = job_names(visitor.desk.robot)
-        self._form: Form | None = None
+        jobs = job_names(visitor.service.robot)
+        self.form: Form | None = None
         with line("top"):
             titles = {name: name for name in jobs} | {_FILE: _FILE}
             self._choice = ui.select(titles, value=jobs[0] if jobs else _FILE, label="motion").props("outlined dense")
@@ -194,97 +182,76 @@ class RunTab:
             self._preview = plain("Preview", self._look, "visibility")
             self._start = act("Run", self._run, "play_arrow", moves=True)
         self._figures = ui.element("div").classes("stack tight")
-        with line("tight"):
-            ui.label("Speed").classes("muted")
+        with titled("Speed", "tight"):
             self._pace = choice("speed of the run", _PACES, "1", lambda _: self._outdate())
-        with line("tight"):
-            ui.label("On the way").classes("muted")
-            self._speeds = [self._speed_button(percent) for percent in _SPEEDS_PERCENT]
-            self._speed = Chip()
-            self._speed.element.classes("said")
+        with titled("On the way", "tight"):
+            self._speeds = [
+                plain(f"{percent} %", partial(self._change_speed, percent), label=label, moves=True)
+                for percent, label in ((each, f"{each} % of the planned speed") for each in _SPEEDS_PERCENT)
+            ]
+            self._speed = Chip(classes="said")
         self._summary = ui.label().classes("muted")
         self._options = stack()
-        self._upload = Upload(self._other_file, visitor.tell)
-        with line("tight") as self._of_a_file:
-            ui.label("Its units").classes("muted")
+        self.upload = Upload(self._other_file, visitor.tell)
+        with titled("Its units", "tight") as self._of_a_file:
             self._units = choice("units of a trajectory file", UNITS, USUAL_UNITS, lambda _: self._outdate())
         with line():
             repeat = FormField("repeat", "repetitions", 1, OptionRange(1, _REPETITIONS_MAX, ""), whole=True)
             self._repeat = make_input(repeat).classes("w-narrow")
             self._approach = ui.switch(f"{MOVE_TO_START}, straight in the joints", value=True)
+        self.kept = (self._choice, self._pace, self._repeat, self._approach, self._units)
         self._choose()
 
     def refresh(self, snapshot: Snapshot) -> None:
-        """Let a motion be run while the machine does nothing, and its speed be changed while it runs."""
-        self._start.set_enabled(self._shown is not None and snapshot.activity is None)
+        self._start.set_enabled(self.shown is not None and snapshot.activity is None)
         on_the_way = snapshot.activity is not None and snapshot.activity.pausable
         for button in self._speeds:
             button.set_enabled(on_the_way)
-        self._speed.show(speed_words(snapshot.speed_percent) if on_the_way else "")
+        percent = snapshot.speed_percent if on_the_way else None
+        self._speed.show("" if percent is None else f"runs at {percent:.0f} %" if percent else "at standstill")
 
-    def _speed_button(self, percent: int) -> ui.button:
-        """Return the button that lets the motion which runs have a speed, in percent of the planned one."""
+    def _change_speed(self, percent: int) -> None:
+        visitor = self._visitor
+        visitor.attempt(lambda: visitor.service.change_speed(visitor.tab, percent, SHOWN.get()))
 
-        def change() -> None:
-            visitor = self._visitor
-            visitor.attempt(lambda: visitor.desk.change_speed(visitor.tab, percent, SHOWN.get()))
-
-        return plain(f"{percent} %", change, label=f"{percent} % of the planned speed", moves=True)
-
-    def shown(self) -> "Shown":
-        """Return what the tab shows now, for the same tab when it is loaded again."""
-        fields = tuple(each.value for each in self._fields())
-        options = self._form.values() if self._form else {}
-        return Shown(fields, options, self._upload.files, self._shown)
-
-    def go_on(self, shown: "Shown") -> None:
-        """Show what the tab has shown before it was loaded again."""
-        self._upload.show(shown.files)
-        for field, value in zip(self._fields(), shown.fields, strict=True):
-            field.set_value(value)
-        if self._form:
-            self._form.fill(shown.options)
-        if shown.preview is not None:
-            self._show(shown.preview)
-
-    def _fields(self) -> tuple[ValueElement[Any], ...]:
-        """Return what keeps its value when the tab is loaded again, beside a job's options."""
-        return self._choice, self._pace, self._repeat, self._approach, self._units
+    def go_on(self, before: "RunTab") -> None:
+        """Show what another tab has shown, since the page was loaded again."""
+        self.upload.show(before.upload.files)
+        for field, same in zip(self.kept, before.kept, strict=True):
+            field.set_value(same.value)
+        if self.form and before.form:
+            self.form.fill(before.form.values())
+        if before.shown is not None:
+            self._show(before.shown)
 
     def _choose(self) -> None:
-        """Show the options of the chosen job, or the place for a file."""
-        name = str(self._choice.value)
+        name, robot = str(self._choice.value), self._visitor.service.robot
+        of_a_file = name == _FILE
         self._options.clear()
         self._outdate()
-        self._upload.root.set_visibility(name == _FILE)
-        self._of_a_file.set_visibility(name == _FILE)
+        self.upload.root.set_visibility(of_a_file)
+        self._of_a_file.set_visibility(of_a_file)
+        files = "A trajectory in CSV, JSON or YAML, G-code, or a program in TOML, with its files."
+        self._summary.set_text(files if of_a_file else job_summary(robot, name))
         with self._options:
-            if name == _FILE:
-                self._form = None
-                self._summary.set_text(
-                    "A trajectory in CSV, JSON or YAML, G-code, or a program in TOML, with its files."
-                )
-            else:
-                robot = self._visitor.desk.robot
-                self._summary.set_text(job_summary(robot, name))
-                self._form = Form(map(_form_field, job_fields(robot, name)), self._outdate)
+            self.form = None if of_a_file else Form(map(_form_field, job_fields(robot, name)), self._outdate)
 
     async def _other_file(self) -> None:
         self._outdate()
-        if self._upload.file is not None:
+        if self.upload.main is not None:
             await self._look()
 
     def _outdate(self) -> None:
         """Forget the preview, since something has changed: only what was seen can be run."""
         self._end_planning()
-        if self._shown is not None and not self._shown.ran:
+        if self.shown is not None and not self.shown.ran:
             self._show_path(None)
-        self._shown = None
+        self.shown = None
         self._figures.clear()
         self._start.set_enabled(False)
 
     async def _look(self) -> None:
-        """Plan the motion and show its path and figures."""
+        """Plan the motion and show its path and figures, unless something is changed or the page closed meanwhile."""
         name, make = self._maker()
         if make is None:
             return
@@ -292,7 +259,8 @@ class RunTab:
         self._preview.set_enabled(False)
         try:
             with self._visitor.explained(message=False) as failed:
-                plan, doubted = await self._planned(make)
+                self._planning = asyncio.create_task(make())
+                plan, doubted = await self._planning
                 path = await asyncio.to_thread(path_mm, plan)
                 self._show(Preview(name, plan, path, doubted))
                 self._show_path(path)
@@ -304,28 +272,28 @@ class RunTab:
             with self._figures:
                 note(failed[0], "bad")
 
-    async def _planned(self, make: Callable[[], Coroutine[Any, Any, Planned]]) -> Planned:
-        """Return the plan, unless something is changed or the page is closed meanwhile, which ends the planning."""
-        self._planning = asyncio.create_task(make())
-        return await self._planning
-
     def _end_planning(self) -> None:
-        """End the planning, if one is under way."""
         if self._planning is not None:
             self._planning.cancel()
 
     def _show(self, preview: Preview) -> None:
-        """Show a plan, which may be run from now on."""
-        self._shown = preview
+        """Show how long a plan takes and how near it comes to the limits; it may be run from now on."""
+        self.shown, plan = preview, preview.plan
+        speed, acceleration = plan.highest(Quantity.SPEED), plan.highest(Quantity.ACCELERATION)
         with self._figures:
-            show_figures(preview.plan)
+            note(
+                f"{plan.trajectory.duration_s:.2f} s; highest speed {speed.percent:.0f} % of the limit ({speed.joint}),"
+                f" highest acceleration {acceleration.percent:.0f} % ({acceleration.joint}). "
+                "It keeps all limits: run it when the blue path is what you want.",
+                "good",
+            )
             if preview.doubted:
                 note(f"Look again: {preview.doubted}", "warn")
-        self.refresh(self._visitor.desk.snapshot)
+        self.refresh(self._visitor.service.snapshot)
 
     def _show_path(self, path: FloatArray | None) -> None:
         """Show a path, or none: the operator's in every browser, one that a watcher looks at in its own alone."""
-        drawing = self._visitor.desk.drawing
+        drawing = self._visitor.service.drawing
         if not self._visitor.operates:
             self._scene.show_line("plan", drawing.path_mm if path is None else path)
         elif path is None:
@@ -338,25 +306,24 @@ class RunTab:
 
         If something is missing or wrong there is no function, but a message.
         """
-        robot, name = self._visitor.desk.robot, str(self._choice.value)
+        robot, name, upload = self._visitor.service.robot, str(self._choice.value), self.upload
         stretch = None if self._pace.value == "auto" else float(self._pace.value)
-        upload, form = self._upload.file, self._form
-        if form is None:
-            if upload is None:
+        if self.form is None:
+            main = upload.main
+            if main is None:
                 self._visitor.tell("choose a file first")
                 return name, None
-            units = str(self._units.value)
-            beside = self._upload.beside
-            return upload[0], lambda: plan_apart(robot, *upload, stretch, units, beside)
-        missing = form.wrong()
+            file = UploadedMotion(robot, main, upload.files[main], stretch, str(self._units.value), upload.beside)
+            return main, lambda: plan_apart(file)
+        missing = self.form.wrong()
         if missing is not None:
             self._visitor.tell(missing)
             return name, None
-        texts = {option: _text(value) for option, value in form.values().items()}
+        texts = {option: _text(value) for option, value in self.form.values().items()}
         return name, lambda: asyncio.to_thread(lambda: (plan_job(robot, name, texts, stretch), None))
 
     def _run(self) -> None:
-        missing, shown = wrong([self._repeat]), self._shown
+        missing, shown = wrong([self._repeat]), self.shown
         if shown is None or missing is not None:
             self._visitor.tell(missing or "look at the preview first")
             return
@@ -364,7 +331,7 @@ class RunTab:
         if self._visitor.ask(RunMotion(shown.plan, shown.name, repeat, approach)):
             shown.ran = True
             self._show_path(shown.path_mm)
-            self._visitor.desk.drawing.clear_trace()
+            self._visitor.service.drawing.clear_trace()
             self._scene.clear_shape("ghost")
 
 
@@ -378,21 +345,3 @@ def _form_field(option: OptionField) -> FormField:
 
 def _text(value: Any) -> str:
     return f"{value:.12g}" if isinstance(value, int | float) else str(value)
-
-
-def speed_words(percent: float | None) -> str:
-    """Return the present speed of a motion in words."""
-    if percent is None:
-        return ""
-    return f"runs at {percent:.0f} %" if percent else "rests"
-
-
-def show_figures(plan: Plan) -> None:
-    """Show how long a plan takes and how near it comes to the limits."""
-    speed, acceleration = plan.highest(Quantity.SPEED), plan.highest(Quantity.ACCELERATION)
-    note(
-        f"{plan.trajectory.duration_s:.2f} s; highest speed {speed.percent:.0f} % of the limit ({speed.joint}), "
-        f"highest acceleration {acceleration.percent:.0f} % ({acceleration.joint}). "
-        "It keeps all limits: run it when the blue path is what you want.",
-        "good",
-    )

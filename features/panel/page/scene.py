@@ -12,11 +12,10 @@ import nicegui
 import numpy as np
 from nicegui import ui
 
-from steptwin.features.panel.desk.history import Drawing
-from steptwin.features.panel.desk.state import Snapshot
 from steptwin.features.panel.page.elements import card, icon_button, line, plain
+from steptwin.features.panel.service.history import Drawing
+from steptwin.features.panel.service.snapshots import Snapshot
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.box import Box
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.links import Role
 from steptwin.host.robots.kinematics.marks import Skeleton
@@ -94,15 +93,16 @@ class ArmScene(
         super().__init__()
         skeleton = Skeleton(robot)
         held_mm = np.empty((0, 3)) if holding_mm is None else holding_mm[np.isfinite(holding_mm).all(axis=1)]
-        span_mm = _size_mm(_reached_mm(robot) if holding_mm is None else held_mm)
+        taken_mm = _reached_mm(robot) if holding_mm is None else held_mm
+        boxes_mm = [np.array([box.x_mm, box.y_mm, box.z_mm]) for box in robot.boxes.values()]
         self.props.update(
             label=f"the arm of {robot.name} in three dimensions",
             roles=[str(link.role) for link in skeleton.whole(np.array([robot.home]))],
             size=skeleton.size_mm,
             names=list(joint_labels(robot)),
-            span=span_mm,
+            span=float(np.linalg.norm(np.ptp(taken_mm, axis=0))) * _CLOSE,  # thicknesses and the grid follow it
             hold=[held_mm.min(axis=0).tolist(), held_mm.max(axis=0).tolist()] if len(held_mm) else [],
-            boxes=[_box(box) for box in robot.boxes.values()],
+            boxes=[[*ends.mean(axis=1).tolist(), *np.ptp(ends, axis=1).tolist()] for ends in boxes_mm],
         )
 
     def show_arm(self, arm: Arm, parts: Iterable[FloatArray]) -> None:
@@ -110,11 +110,9 @@ class ArmScene(
         self.run_method("show", arm, flat_lines(parts))
 
     def show_line(self, line: Line, points_mm: FloatArray) -> None:
-        """Show a line through points of shape (n, 3)."""
         self.run_method("show", line, flat_lines([points_mm]))
 
     def clear_shape(self, shape: Arm | Line) -> None:
-        """Take an arm or a line away."""
         self.run_method("clear", shape)
 
     def move_boxes(self, shifts_mm: Iterable[FloatArray]) -> None:
@@ -122,7 +120,6 @@ class ArmScene(
         self.run_method("moveBoxes", [shift_mm.round(_DECIMALS).tolist() for shift_mm in shifts_mm])
 
     def look(self, view: View) -> None:
-        """Turn the camera."""
         self.run_method("look", view)
 
     def show_marks(self, marks: Mark, on: bool) -> None:
@@ -138,23 +135,10 @@ def _reached_mm(robot: Robot) -> FloatArray:
     """Return points of the space that the arm and its boxes take, shape (n, 3)."""
     lower, upper = ([getattr(joint, end) for joint in robot.joints] for end in ("lower", "upper"))
     places = np.vstack([robot.home, np.random.default_rng(0).uniform(lower, upper, (_SAMPLES, len(lower)))])
-    links = make_kinematics(robot).links(places)
-    return np.vstack(
-        [link.points_mm.reshape(-1, 3) for link in links]
-        + [box.edges_mm.reshape(-1, 3) for box in robot.boxes.values()]
-    )
-
-
-def _size_mm(points_mm: FloatArray) -> float:
-    """Return the size of what is seen: thicknesses and the grid follow it."""
-    points_mm = points_mm[np.isfinite(points_mm).all(axis=1)]
-    return float(np.linalg.norm(np.ptp(points_mm, axis=0))) * _CLOSE
-
-
-def _box(box: Box) -> list[float]:
-    """Return a box as the browser takes it: its middle, then its sizes."""
-    ends = np.array([box.x_mm, box.y_mm, box.z_mm])
-    return [*ends.mean(axis=1).tolist(), *np.ptp(ends, axis=1).tolist()]
+    lines_mm = [link.points_mm for link in make_kinematics(robot).links(places)]
+    lines_mm += [box.edges_mm for box in robot.boxes.values()]
+    points_mm = np.vstack([line_mm.reshape(-1, 3) for line_mm in lines_mm])
+    return points_mm[np.isfinite(points_mm).all(axis=1)]
 
 
 _VIEWS: Final[dict[View, str]] = {"iso": "3D", "front": "Front", "side": "Side", "top": "Top"}
@@ -166,7 +150,7 @@ _LEGEND: Final = (("--plan", "planned path"), ("--trace", "where the tool was"),
 
 
 class SceneCard:
-    """The card; it draws the desk's path and trace, the same in every browser and after a reload.
+    """The card; it draws the service's path and trace, the same in every browser and after a reload.
 
     Attributes:
         scene: the view in it.
@@ -178,8 +162,7 @@ class SceneCard:
         has_tool = make_kinematics(robot).task.width > 0
         with card(classes="flush place-scene"):
             with line("tight scene-bar"):
-                camera_buttons(lambda: self.scene)
-                mark_switches(lambda: self.scene)
+                view_buttons(lambda: self.scene)
                 if has_tool:
                     plain("Path", lambda: self.scene.look("path"), label="look at the path")
                     plain("Clear trace", drawing.clear_trace)
@@ -190,8 +173,7 @@ class SceneCard:
                     for colour, text in _LEGEND if has_tool else _LEGEND[-1:]:
                         legend(colour, text)
 
-    def refresh(self, _snapshot: Snapshot) -> None:
-        """Draw what has changed; the points by which the trace grows come with each tick."""
+    def refresh(self, _snapshot: Snapshot) -> None:  # the points by which the trace grows come with each tick
         version, before = self._drawing.version, self._drawn
         self._drawn = version
         if before is None or before[0] != version[0]:
@@ -200,22 +182,14 @@ class SceneCard:
             self.scene.show_line("trace", self._drawing.trace_mm)
 
     def arrive(self) -> None:
-        """Draw everything in a browser that has just opened the page."""
         self._drawn = None
 
 
-def camera_buttons(scene: Callable[[], ArmScene]) -> None:
-    """Make a button for each direction of the camera; the scene may be made later."""
+def view_buttons(scene: Callable[[], ArmScene]) -> None:
+    """Make the buttons of a scene, which may be made later: directions of the camera, axes and frames."""
 
     def look(view: View) -> None:
         scene().look(view)
-
-    for view, text in _VIEWS.items():
-        plain(text, partial(look, view), label=f"look from: {text}")
-
-
-def mark_switches(scene: Callable[[], ArmScene]) -> None:
-    """Make the buttons that show and hide the joints' axes, which are shown at first, and the frames."""
 
     def switch(mark: Mark, button: ui.button) -> None:
         on = button.props["aria-pressed"] != "true"
@@ -223,9 +197,11 @@ def mark_switches(scene: Callable[[], ArmScene]) -> None:
         button.update()
         scene().show_marks(mark, on)
 
+    for view, text in _VIEWS.items():
+        plain(text, partial(look, view), label=f"look from: {text}")
     for mark, text, label in _MARKS:
         button = plain(text, None, label=label)
-        button.props["aria-pressed"] = "true" if mark == "axes" else "false"
+        button.props["aria-pressed"] = "true" if mark == "axes" else "false"  # these are shown at first
         button.on_click(partial(switch, mark, button))
 
 

@@ -47,12 +47,9 @@ class OneLine(logging.Formatter):
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """Address of the page; `port` None takes PORT, or a free one if it is in use.
+    """Address of the page; `port` None takes PORT, or a free one if it is in use, and 0 a free one.
 
-    Attributes:
-        host: address of this machine.
-        port: TCP port; 0 takes a free one.
-        allow_remote: let other machines reach the page, with a token.
+    With `allow_remote` other machines reach the page, with a token.
     """
 
     host: str = "127.0.0.1"
@@ -89,9 +86,15 @@ def serve_page(
         tailwind=False,
         show_welcome_message=False,
     )
-    _tell_in_lines()
+    log = logging.getLogger("nicegui")  # what an event of a page has raised, a line each
+    if not any(isinstance(handler.formatter, OneLine) for handler in log.handlers):
+        handler = logging.StreamHandler()
+        handler.setFormatter(OneLine())
+        log.addHandler(handler)
+    log.propagate = False
     token = "" if access.token is None else f"?{TOKEN}={access.token}"
-    url = f"http://{address_text(_reachable(host), port)}/{token}"
+    reachable = socket.gethostname() if host in ("0.0.0.0", "::") else host
+    url = f"http://{address_text(reachable, port)}/{token}"
     config = uvicorn.Config(
         Guard(app, access),
         log_level="error",
@@ -111,16 +114,6 @@ def is_own_fault(record: logging.LogRecord) -> bool:
     return not (record.exc_info and isinstance(record.exc_info[1], UnicodeDecodeError))
 
 
-def _tell_in_lines() -> None:
-    """Let NiceGUI tell on stderr what an event of a page has raised, a line each."""
-    log = logging.getLogger("nicegui")
-    if not any(isinstance(handler.formatter, OneLine) for handler in log.handlers):
-        handler = logging.StreamHandler()
-        handler.setFormatter(OneLine())
-        log.addHandler(handler)
-    log.propagate = False
-
-
 def open_port(address: Address) -> socket.socket:
     """Return a socket that listens at an address.
 
@@ -128,11 +121,12 @@ def open_port(address: Address) -> socket.socket:
         InputError: the address does not exist, or other machines reach it and that is not allowed.
         BusError: the port is in use.
     """
-    if address.port is not None:
-        return listen(address.host, address.port, allow_remote=address.allow_remote)
+    wanted = PORT if address.port is None else address.port
     try:
-        return listen(address.host, PORT, allow_remote=address.allow_remote)
+        return listen(address.host, wanted, allow_remote=address.allow_remote)
     except BusError:  # a second panel on this machine
+        if address.port is not None:
+            raise
         return listen(address.host, 0, allow_remote=address.allow_remote)
 
 
@@ -152,8 +146,3 @@ class _Server(uvicorn.Server):
     def capture_signals(self) -> Iterator[None]:
         with on_signals(self.handle_exit):
             yield
-
-
-def _reachable(host: str) -> str:
-    """Return an address under which others find this machine: its name where it listens at all of its addresses."""
-    return socket.gethostname() if host in ("0.0.0.0", "::") else host

@@ -2,11 +2,11 @@
 
 from nicegui import ui
 
-from steptwin.features.panel.desk.commands import WriteSettings
-from steptwin.features.panel.desk.settings import Setting
-from steptwin.features.panel.desk.state import Snapshot
 from steptwin.features.panel.page.elements import Form, FormField, act, heading, line, note, plain
 from steptwin.features.panel.page.visitor import Visitor
+from steptwin.features.panel.service.commands import WriteSettings
+from steptwin.features.panel.service.settings import Setting
+from steptwin.features.panel.service.snapshots import Snapshot
 from steptwin.host.planning.jobs.options import OptionRange
 
 
@@ -21,14 +21,15 @@ class SettingsTab:
         with line():
             self._save = act("Write what has changed", self._write, "save", moves=True)
             self._save.set_enabled(False)
-            plain("Show the present values", lambda: self._show(visitor.desk.settings))
+            plain("Show the present values", lambda: self._show(visitor.service.settings))
         note("A setting with * is kept by the board; the others hold for this panel until it ends.")
-        lengths = ", ".join(f"{name} {_figure(value)}" for name, value in visitor.desk.robot.geometry.items())
+        geometry = visitor.service.robot.geometry
+        figures = {name: f"{value:g}" if isinstance(value, float) else value for name, value in geometry.items()}
+        lengths = ", ".join(f"{name} {value}" for name, value in figures.items())
         note(f"Dimensions, which only the robot's file sets: {lengths}.")
 
     def refresh(self, _snapshot: Snapshot) -> None:
-        """Show the settings when they were read or written."""
-        settings = self._visitor.desk.settings
+        settings = self._visitor.service.settings
         if settings != self._shown:
             self._show(settings)
 
@@ -54,16 +55,11 @@ class SettingsTab:
         self._visitor.ask(WriteSettings(values=self._changed()))
 
     def _changed(self) -> dict[str, float]:
-        """Return the values that differ from the present ones; a field without a number counts as changed."""
         values = {key: value for form in self._forms.values() for key, value in form.values().items()}
         return {setting.key: values[setting.key] for setting in self._shown if values[setting.key] != setting.value}
 
     def _compare(self) -> None:
         self._save.set_enabled(bool(self._changed()))
-
-
-def _figure(value: float | str | bool) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _field(setting: Setting) -> FormField:

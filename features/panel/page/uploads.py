@@ -32,7 +32,7 @@ _STEP: Final = """\
 def to_run(files: Mapping[str, bytes]) -> str | None:
     """Return the name of the file that is to be run: the newest of those to which no program refers; None without."""
     programs = {name: document for name in files if (document := _program(name, files[name])) is not None}
-    named = {_plain(reference) for document in programs.values() for reference in _references(document)}
+    named = {_plain(reference) for document in programs.values() for _, reference in _references(document)}
     runnable = [name for name in files if name not in named and (name in programs or not name.endswith(SUFFIX))]
     return next(reversed(runnable or list(files)), None)
 
@@ -42,7 +42,7 @@ def companions(files: Mapping[str, bytes]) -> list[str]:
     main = to_run(files)
     if main is None:
         return []
-    named = {_plain(reference) for reference in _references(_program(main, files[main]) or {})}
+    named = {_plain(reference) for _, reference in _references(_program(main, files[main]) or {})}
     others = (name for name in files if name != main)
     return [name for name in others if name in named or (name.endswith(SUFFIX) and _program(name, files[name]) is None)]
 
@@ -88,7 +88,6 @@ def _as_known(text: str, path: Path, plain: str) -> str:
 
 
 def _free(stem: str, files: Mapping[str, bytes]) -> str:
-    """Return a name that no file has."""
     while any(PurePosixPath(name).stem == stem for name in files):
         stem += "_"
     return stem
@@ -98,7 +97,7 @@ def _referred(plain: str, content: bytes, beside: Mapping[str, bytes], robot: Ro
     """Return the contents of the files that a program names, by these names; raise InputError if one is missing."""
     known = {_plain(name): data for name, data in beside.items()}
     found: dict[str, bytes] = {}
-    for key, reference in _references_by_key(_program(plain, content) or {}):
+    for key, reference in _references(_program(plain, content) or {}):
         last = _plain(reference)
         if PurePosixPath(reference).is_absolute():
             raise InputError(
@@ -129,27 +128,19 @@ def _program(name: str, content: bytes) -> dict[str, Any] | None:
     return document if "step" in document or not ({"joints", "joint", "positions"} & document.keys()) else None
 
 
-def _references(document: Mapping[str, Any]) -> list[str]:
-    return [reference for _, reference in _references_by_key(document)]
-
-
-def _references_by_key(document: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the files that a program names, each with its key."""
+def _references(document: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return the files that a program names, however deep they are in it, each with its key."""
     robot = document.get("robot")
     named = [("robot", robot)] if isinstance(robot, str) and robot.endswith(SUFFIX) else []
-    return [*named, *_named(document)]
-
-
-def _named(value: Any) -> Iterator[tuple[str, str]]:
-    """Yield the files that a part of a program names, however deep they are in it."""
-    waiting = [value]
+    waiting: list[Any] = [document]
     while waiting:
         now = waiting.pop()
         if isinstance(now, Mapping):
-            yield from ((key, now[key]) for key in _KEYS if isinstance(now.get(key), str) and now[key])
+            named += [(key, now[key]) for key in _KEYS if isinstance(now.get(key), str) and now[key]]
             waiting.extend(now.values())
         elif isinstance(now, list):
             waiting.extend(now)
+    return named
 
 
 def _plain(name: str) -> str:
@@ -157,6 +148,5 @@ def _plain(name: str) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Return a text as a basic string of TOML."""
     escaped = "".join(each if each.isprintable() and each not in '"\\' else f"\\U{ord(each):08X}" for each in text)
     return f'"{escaped}"'

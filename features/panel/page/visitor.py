@@ -1,4 +1,4 @@
-"""A browser that shows the page: who it is at the desk, what it is told, and what its web socket carries.
+"""A browser that shows the page: who it is to the service, what it is told, and what its web socket carries.
 
 Beside NiceGUI's own messages the socket carries emergency stops. And the page's script adds the number of the newest
 state that it had shown to each event that it sends (`shown`): an event that was held up keeps that of its click.
@@ -17,13 +17,11 @@ from nicegui import Client, app, core, ui
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
-from steptwin.features.panel.desk.desk import Desk
-from steptwin.features.panel.desk.requests import Command
-from steptwin.features.panel.desk.words import RefusedError, told
 from steptwin.features.panel.page.elements import Tone
+from steptwin.features.panel.service.commands import Command
+from steptwin.features.panel.service.messages import RefusedError, operator_message
+from steptwin.features.panel.service.service import MachineService
 from steptwin.host.common.errors import StepTwinError
-
-_STATIC: Final = Path(__file__).parent / "static"
 
 _COLOURS: Final = {"primary": "#1257a8", "positive": "#1b6e3c", "negative": "#b3161b", "info": "#1257a8"}
 """Colours of chosen buttons and of messages: white text on them can be read in light and dark."""
@@ -38,16 +36,16 @@ FAVICON: Final = (
 
 
 @cache
-def _read(name: str) -> str:
-    return (_STATIC / name).read_text(encoding="utf-8")
+def _static(name: str) -> str:
+    return (Path(__file__).parent / "static" / name).read_text(encoding="utf-8")
 
 
 def apply_theme(*, script: bool = True) -> None:
     """Give the page of this browser the style sheet, and the panel's script unless the page has no machine."""
     ui.colors(**_COLOURS)
-    ui.add_head_html(f"<style>{_read('panel.css')}</style>")
+    ui.add_head_html(f"<style>{_static('panel.css')}</style>")
     if script:
-        ui.add_body_html(f"<script>{_read('panel.js')}</script>")
+        ui.add_body_html(f"<script>{_static('panel.js')}</script>")
 
 
 SHOWN: Final[ContextVar[int | None]] = ContextVar("shown", default=None)
@@ -67,13 +65,13 @@ class Visitor:
     """A browser's tab.
 
     Attributes:
-        desk: the desk that it watches.
+        service: the machine service that it watches.
         page: the page that NiceGUI made for it.
         name: name by which others know it.
         tab: identity of the tab, which outlives a reload; the page's own until the tab has connected.
     """
 
-    desk: Desk
+    service: MachineService
     page: Client
     name: str = "a new browser"
     tab: str = ""
@@ -86,14 +84,14 @@ class Visitor:
     @property
     def operates(self) -> bool:
         """True if this tab may move the machine."""
-        return self.desk.operators.is_operator(self.tab)
+        return self.service.operator.is_operator(self.tab)
 
     def ask(self, command: Command) -> bool:
-        """Ask the desk for something; say why not, if it refuses. Return whether it has agreed."""
-        return self.attempt(lambda: self.desk.ask(self.tab, command, SHOWN.get()))
+        """Request something; say why not, if the service refuses. Return whether it has agreed."""
+        return self.attempt(lambda: self.service.ask(self.tab, command, SHOWN.get()))
 
     def attempt(self, action: Callable[[], object]) -> bool:
-        """Do something that the desk may refuse or that bad input ends, and say why; return whether it was done."""
+        """Do something that may be refused or that bad input ends, and say why; return whether it was done."""
         with self.explained() as outcome:
             action()
         return not outcome
@@ -104,11 +102,10 @@ class Visitor:
         texts: list[str] = []
         try:
             yield texts
-        except RefusedError as error:
-            self.desk.events.warning(f"refused to {self.name}: {error}")
-            texts.append(str(error))
         except StepTwinError as error:
-            texts.append(told(error))
+            texts.append(operator_message(error))
+            if isinstance(error, RefusedError):
+                self.service.events.warning(f"refused to {self.name}: {error}")
         except OSError as error:
             texts.append(f"{error.filename or 'file'}: {error.strerror}")
         for text in texts if message else ():
@@ -130,6 +127,8 @@ class Visitor:
             ui.run_javascript("window.withdrawErrors?.()")
 
 
+# --- what a web socket carries
+
 _SPACE: Final = "/"
 _EVENT: Final = "event"
 _PRESS_MAX: Final = 64
@@ -137,6 +136,20 @@ _PRESS_MAX: Final = 64
 
 Answer = dict[str, bool]
 """Answer to a page's stop: `told` says whether the machine was told of it."""
+
+
+class _Noting:
+    """Hands an event on, with `SHOWN` as it says; drops what is no event."""
+
+    def __init__(self, handle: Callable[[str, Any], None]) -> None:
+        self._handle = handle
+
+    def __call__(self, sid: str, message: Any = None) -> None:
+        if not isinstance(message, dict):
+            return
+        shown = message.pop("shown", None)
+        SHOWN.set(shown if type(shown) is int else None)
+        self._handle(sid, message)
 
 
 def note_shown() -> None:
@@ -164,17 +177,3 @@ def on_stop(name: str, stop: Callable[[str | None, str | None], Answer]) -> None
 
     core.sio.on(name, by_socket)
     app.add_route(f"/{name}", by_request, methods=["POST"])
-
-
-class _Noting:
-    """Hands an event on, with `SHOWN` as it says; drops what is no event."""
-
-    def __init__(self, handle: Callable[[str, Any], None]) -> None:
-        self._handle = handle
-
-    def __call__(self, sid: str, message: Any = None) -> None:
-        if not isinstance(message, dict):
-            return
-        shown = message.pop("shown", None)
-        SHOWN.set(shown if type(shown) is int else None)
-        self._handle(sid, message)

@@ -1,8 +1,11 @@
-"""`steptwin eds` and `dbc [ROBOT]`: describe the boards for other tools."""
+"""`steptwin eds`, `dbc [ROBOT]` and `schema KIND`: describe boards and files for other tools."""
+
+from typing import Annotated
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import RobotFile, RobotName, RobotOptions
-from steptwin.host.cli.output import print_text
+from steptwin.host.cli.options import argument
+from steptwin.host.cli.output import print_json, print_text
 
 
 @command("", "> axis.eds")
@@ -28,3 +31,19 @@ def dbc(robot: RobotName = None, robot_file: RobotFile = None) -> None:
             for i, joint in enumerate(loaded.axes)
         )
     print_text(render_dbc(axes))
+
+
+@command("robot > robot.schema.json")
+def schema(
+    kind: Annotated[str, argument("KIND", "Kind of file, such as robot; another word lists all kinds.")],
+) -> None:
+    """Print the JSON schema of a kind of file, by which editors complete and check it."""
+    from steptwin.host.common.bad_input import unknown
+    from steptwin.host.common.features import giving
+    from steptwin.host.common.file_models import json_schema
+    from steptwin.host.robots.reader import robot_model
+
+    models = {"robot": robot_model} | {name: model for _, given in giving("schemas") for name, model in given().items()}
+    if kind not in models:
+        raise unknown("kind of file", kind, models)
+    print_json(json_schema(models[kind]()))

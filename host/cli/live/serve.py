@@ -1,7 +1,7 @@
 """`steptwin serve ROBOT`: run a live board in real time, for every program that speaks CAN."""
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, fields
 from itertools import accumulate
 from pathlib import Path
@@ -12,12 +12,11 @@ from steptwin.host.cli.arguments import AnswerOptions, RobotName, RobotOptions, 
 from steptwin.host.cli.live.served_programs import (
     CommandOptions,
     ServedCommand,
-    panel_process,
-    panel_words,
-    require_extra,
-    require_free,
+    ServedPlace,
+    ServedProgram,
+    reached_at,
 )
-from steptwin.host.cli.options import option, switch
+from steptwin.host.cli.options import of_features, option, switch
 from steptwin.host.cli.output import say, say_compiling, warn
 from steptwin.host.cli.run.hooks import tellings
 from steptwin.host.cli.run.verdict_text import USUAL_DRIVERS, print_axes
@@ -49,6 +48,12 @@ class EndpointOptions:
     channel: str | None = option("NAME", "Its channel.", "--channel", "-c")
     speed: float = option("FACTOR", "Simulated seconds in a second.", default=1.0)
 
+    def reached(self, served: "ServedBoard") -> list[str]:
+        """Return the options of a live command that say where the board is, for other commands of this machine."""
+        if self.interface is None:
+            return ["--connect", f"{reached_at(self.host)}:{served.port}"]
+        return ["-i", self.interface, *(() if self.channel is None else ("-c", self.channel))]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingOptions:
@@ -59,36 +64,18 @@ class RecordingOptions:
     replace: bool = switch("Let --out and --log replace what the folder or the file holds.")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OwnPanelOptions:
-    """The options that open a panel for the served board."""
-
-    panel: bool = switch("Show the machine in a browser, too; with a control port for its hardware.")
-    panel_port: int | None = option(
-        "PORT", "Port of its page, with --panel or instead of it; by default 8090, or a free one; 0 is free."
-    )
-
-    def wanted(self) -> bool:
-        """Return whether there is to be one; raise InputError or BusError if there cannot be."""
-        wanted = self.panel or self.panel_port is not None
-        if wanted:
-            require_extra()
-            require_free(self.panel_port)
-        return wanted
-
-
 _NAMED: Final = (*(each.name for group in (EndpointOptions, RecordingOptions) for each in fields(group)),)
 """Arguments of a served board that errors name by their options."""
 
 
-@command("lab-scara --panel", "warehouse-scara --machine boards=4,2 --out out/live --port 0")
+@command("lab-scara --control-port 0", "warehouse-scara --machine boards=4,2 --out out/live --port 0")
 def serve(
     which: RobotOptions,
     endpoint: EndpointOptions,
     recording: RecordingOptions,
     machine: MachineOptions,
-    page: OwnPanelOptions,
     beside: CommandOptions,
+    offered: Sequence[ServedProgram] = of_features("serve_options"),
     robot: RobotName = None,
 ) -> None:
     """Run a robot's board, or several, in real time until Ctrl-C.
@@ -102,20 +89,21 @@ def serve(
     from steptwin.host.twin.machine.kernels import telling_of_compiling
 
     loaded = which.robot(robot)
-    panel = page.wanted()
+    wanted = [each for each in offered if each.wanted]
     program = ServedCommand(beside, endpoint.interface)
     machine = machine_for(loaded, machine)  # bad input is reported before a port is opened
     _warn_outside(loaded, machine)
     for lines in machine.warnings(loaded, driver_profile(loaded.board, machine.driver_profile)).values():
         for line in lines:
             warn(line)
-    with panel_process(wanted=panel, to_stderr=which.as_json) as open_panel:
+    with ExitStack() as running:
+        told = [running.enter_context(each.running(to_stderr=which.as_json)) for each in wanted]
         with telling_of_compiling(say_compiling), naming_machine_options(*_NAMED):
             served = ServedBoard(
                 loaded,
                 host=endpoint.host,
                 port=endpoint.port,
-                control_port=endpoint.control_port or (0 if panel else endpoint.control_port),
+                control_port=endpoint.control_port or (0 if wanted else endpoint.control_port),
                 allow_remote=endpoint.allow_remote,
                 interface=endpoint.interface,
                 channel=endpoint.channel,
@@ -129,10 +117,13 @@ def serve(
             warn(f"{served.title}: other machines can drive this board")
         file = which.robot_file
         name = ["--robot-file", file] if robot is None and file else [robot or loaded.name]
+        control = None if served.control is None else served.control.address
+        place = ServedPlace(name, endpoint.reached(served), control)
 
         def announce() -> None:
-            which.add(*banner(served), *(() if panel else ("Ctrl-C ends it",)))  # a panel says it, too
-            open_panel(panel_words(served, name, endpoint, page.panel_port))
+            which.add(*banner(served), *(() if wanted else ("Ctrl-C ends it",)))
+            for tell in told:
+                tell(place)
             program.start(served, endpoint.host, to_stderr=which.as_json)
 
         try:

@@ -9,7 +9,7 @@ from steptwin.host.common.features import giving
 from steptwin.host.record.verdict_words import verdict_words
 
 if TYPE_CHECKING:
-    from steptwin.host.verify.figures import Figure
+    from steptwin.host.verify.figures import ReportFigure
 
 USUAL_DRIVERS: Final = "chip-330pf"
 """Driver profile that a report does not mention."""
@@ -127,6 +127,6 @@ def print_axes(document: Mapping[str, Any]) -> None:
     print_rows(columns, document["axes"])
 
 
-def _cell(figure: "Figure[Any]", values: Mapping[str, Any], axis: Mapping[str, Any]) -> str:
+def _cell(figure: "ReportFigure[Any]", values: Mapping[str, Any], axis: Mapping[str, Any]) -> str:
     still = figure.moving and axis["mean_step_interval_us"] is None
     return "-" if still else figure.form.format(values[axis["name"]])

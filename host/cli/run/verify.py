@@ -116,4 +116,5 @@ def _document(verdict: "FolderVerdict") -> dict[str, Any]:
         document["interruption"] = verdict.interruption
     if verdict.fault is not None and not (verdict.tampered or verdict.of_other_runs):
         document["fault"] = dict(verdict.fault)
-    return document | verdict.kept
+    document |= verdict.kept
+    return document

@@ -51,13 +51,18 @@ def draw_error(sheet: Sheet, shown: ShownRun) -> None:
     )
     make_lanes(left, labels)
     make_lanes(right, [""] * len(series))
+    zeros, dashed = list[float](), list[float]()
     for number, one in enumerate(series):
         limit = limits[number] if number < len(moving) else 0.0
         lane = _Lane.around(number, one, limit)
         _draw_whole(left, one, lane, shown.end_s)
         _draw_close(right, one, lane)
-        for axes in (left, right):
-            lane.draw_lines(axes, limit)
+        zeros.append(lane.up(0.0))
+        dashed += [lane.up(-limit), lane.up(limit)] if limit else []
+    for axes in (left, right):
+        across = axes.get_yaxis_transform()
+        axes.hlines(zeros, 0.0, 1.0, transform=across, color="0.7", linewidth=0.6, zorder=0.5)
+        axes.hlines(dashed, 0.0, 1.0, transform=across, color=LIMIT, linestyle="--", linewidth=0.9)
     left.set_xlim(0.0, shown.end_s)
     right.set_xlim(-1.0, 1.0)
     right.set_xticks([])
@@ -83,12 +88,6 @@ class _Lane:
     def up(self, values: FloatArray | float) -> Any:
         """Return where values are drawn."""
         return LANE_HIGH * (np.asarray(values) - self.least) / (self.most - self.least) - self.number
-
-    def draw_lines(self, axes: Axes, limit: float) -> None:
-        """Draw a line at 0 and, dashed, both limits of an axis."""
-        axes.axhline(self.up(0.0), color="0.7", linewidth=0.6, zorder=0.5)
-        for each in (-limit, limit) if limit else ():
-            axes.axhline(self.up(each), color=LIMIT, linestyle="--", linewidth=0.9)
 
 
 def _draw_whole(axes: Axes, series: ErrorSeries, lane: _Lane, end_s: float) -> None:

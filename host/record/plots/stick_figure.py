@@ -1,6 +1,6 @@
 """Draw an arm as a stick figure in a view onto a plane, at some instants of a motion or at one position."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -28,21 +28,25 @@ class Pen:
     style: Literal["-", "--"] = "-"
 
 
-def draw_arm(axes: Axes, links: Iterable[ArmPart], instant: int, plane: FloatArray, pen: Pen, label: str = "") -> None:
-    """Draw the arm at one of the instants of its links, seen onto a plane; joints are dots.
+def draw_arm(
+    axes: Axes, links: Iterable[ArmPart], instants: Sequence[int], plane: FloatArray, pen: Pen, label: str = ""
+) -> None:
+    """Draw the arm at some of the instants of its links, seen onto a plane; joints are dots.
 
     Guides, which may be far longer than the arm, do not widen the view.
 
     Args:
         axes: where to draw; with equal scales.
         links: parts of the arm at n instants.
-        instant: index of the instant.
+        instants: indexes of the instants.
         plane: shape (3, 2), the columns are the directions in space that are drawn across and up.
         pen: colour and style.
         label: its name in a legend; empty for none.
     """
     for link in links:
-        points = link.points_mm[instant] @ plane
+        places = [link.points_mm[instant] @ plane for instant in instants]
+        gap = np.full((1, 2), np.nan)
+        points = np.vstack([part for place in places for part in (gap, place)][1:])
         line = Line2D(
             *points.T,
             color=pen.colour,

@@ -152,10 +152,9 @@ def _links(comparison: Comparison) -> tuple[ArmPart, ...]:
 def _draw_arm(axes: Axes, links: tuple[ArmPart, ...], view: Plane) -> None:
     """Draw the arm on its way, then on top of it at the start and at the end."""
     between, start, end = Pen(BETWEEN, 0.45), Pen(AT_ENDS), Pen(AT_ENDS, style="--")
-    for instant in range(1, ARM_INSTANTS - 1):
-        draw_arm(axes, links, instant, plane_of(*view), between)
-    draw_arm(axes, links, ARM_INSTANTS - 1, plane_of(*view), end, "arm at the end")
-    draw_arm(axes, links, 0, plane_of(*view), start, "arm at the start")
+    draw_arm(axes, links, range(1, ARM_INSTANTS - 1), plane_of(*view), between)
+    draw_arm(axes, links, [ARM_INSTANTS - 1], plane_of(*view), end, "arm at the end")
+    draw_arm(axes, links, [0], plane_of(*view), start, "arm at the start")
 
 
 def _views(path: PathError) -> list[Plane]:

@@ -88,11 +88,11 @@ def _home_links(robot: Robot) -> tuple[ArmPart, ...]:
 def _draw_home(above: Axes, beside: Axes, robot: Robot, scanned: Scan) -> None:
     """Draw the arm at home, from above, and seen onto the plane of the profile: its other side is at negative radii."""
     links = _home_links(robot)
-    draw_arm(above, links, 0, plane_of(0, 1), Pen(AT_ENDS), _HOME)
+    draw_arm(above, links, [0], plane_of(0, 1), Pen(AT_ENDS), _HOME)
     azimuth_rad = np.deg2rad(scanned.profile.azimuth_deg)
     upright = np.array([[np.cos(azimuth_rad), 0.0], [np.sin(azimuth_rad), 0.0], [0.0, 1.0]])
     axis_mm = np.array([*scanned.axis_mm, 0.0])
-    draw_arm(beside, [replace(link, points_mm=link.points_mm - axis_mm) for link in links], 0, upright, Pen(AT_ENDS))
+    draw_arm(beside, [replace(link, points_mm=link.points_mm - axis_mm) for link in links], [0], upright, Pen(AT_ENDS))
     for axes in (above, beside):
         axes.autoscale_view()
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_models import FileTable
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics.base import Branch, Constraint, KeepsBranch, read_geometry
 from steptwin.host.robots.kinematics.dh import Convention, DhTable
@@ -26,7 +27,7 @@ _APART_MM: Final = 250.0
 
 
 @dataclass(frozen=True, slots=True)
-class AxesGeometry:
+class AxesGeometry(FileTable):
     """Geometry without dimensions: the joints are those of the robot file, independent of each other."""
 
     @property

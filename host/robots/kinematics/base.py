@@ -8,8 +8,6 @@ defines the columns of poses.
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields
-from enum import StrEnum
-from functools import partial
 from typing import Any, Final, Protocol, Self, TypeVar
 
 import numpy as np
@@ -17,8 +15,8 @@ import numpy as np
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.common.bad_input import by, nearest, outside, prefixed, shortened
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_models import read_model
 from steptwin.host.common.findings import Findings
-from steptwin.host.common.tables import Reading, Table
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics.dh import DhTable
 from steptwin.host.robots.kinematics.links import ArmPart
@@ -27,16 +25,9 @@ from steptwin.host.robots.poses.base_frame import BaseFrame
 from steptwin.host.robots.robot import Dimension, Robot
 
 
-def dimension(meaning: str, usual: object, default: object = MISSING, reading: Reading | None = None) -> Any:
-    """Return a dataclass field for a dimension of a mechanism.
-
-    Args:
-        meaning: description of the dimension in a few words.
-        usual: value in a new robot file.
-        default: value if the key is missing.
-        reading: converts a table or list of the file.
-    """
-    metadata = {"meaning": meaning, "usual": usual, "reading": reading}
+def dimension(meaning: str, usual: object, default: object = MISSING) -> Any:
+    """Return a dataclass field; `usual` is the value in a new robot file, `default` the value if the key is missing."""
+    metadata = {"meaning": meaning, "usual": usual}
     return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
 
 
@@ -329,37 +320,12 @@ def read_geometry(geometry: type[Geometry], robot: Robot) -> Geometry:
 
 
 def geometry_of(geometry: type[Geometry], dimensions: Mapping[str, Dimension]) -> Geometry:
-    """Convert dimensions to the mechanism's dataclass; raise InputError if they do not fit.
-
-    The fields of the dataclass are numbers, booleans and string enumerations. Fields with defaults may be omitted.
-    """
+    """Return dimensions as the mechanism's dataclass, a `FileTable`; raise InputError if they do not fit."""
+    findings = Findings()
+    made = read_model(geometry, dict(dimensions), findings)
     with prefixed("kinematics."):
-        values = Table(dict(dimensions), "table").read(*keys_of(geometry))
-        return geometry(**{name: value for name, value in values.items() if name in dimensions})
-
-
-def keys_of(geometry: type[Any]) -> tuple[dict[str, Reading], dict[str, Reading]]:
-    """Return the keys of a mechanism's dimensions with their reading functions: required ones, optional ones."""
-    required: dict[str, Reading] = {}
-    optional: dict[str, Reading] = {}
-    for each in fields(geometry):
-        reading = each.metadata["reading"]
-        read = partial(_once, reading) if reading else _reading(each.type)
-        (required if each.default is MISSING else optional)[each.name] = read
-    return required, optional
-
-
-def _once(reading: Reading, table: Table, key: str) -> object:
-    """Apply `reading` to a table or list of a file; return any other value, which has been read already."""
-    value = table.values.get(key)
-    return value if key in table and not isinstance(value, dict | list) else reading(table, key)
-
-
-def _reading(kind: object) -> Reading:
-    """Return the reading function of a field type."""
-    if isinstance(kind, type) and issubclass(kind, StrEnum):
-        return lambda table, key: table.choice(key, kind)
-    return Table.truth if kind is bool else Table.text if kind is str else Table.number
+        findings.raise_first()
+    return made
 
 
 def require_joints(robot: Robot, expected: Mapping[str, Unit]) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_models import FileTable
 from steptwin.host.common.findings import check_all
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics.base import (
@@ -45,7 +46,7 @@ _HAND_PART: Final = 0.08
 
 
 @dataclass(frozen=True, slots=True)
-class CartesianGeometry:
+class CartesianGeometry(FileTable):
     """The axes of a gantry; raises InputError for invalid or repeated letters."""
 
     axes: str = dimension("the axes in their order: letters of X, Y, Z and C, which turns the tool", "XYZ", "XYZ")

@@ -24,6 +24,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_models import FileTable
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics.base import (
     LIMIT_TOLERANCE,
@@ -137,7 +138,7 @@ GUIDE_PART: Final = 0.15
 
 
 @dataclass(frozen=True, slots=True)
-class HybridGeometry:
+class HybridGeometry(FileTable):
     """Dimensions of the hybrid arm; raises InputError if links and travels do not fit together."""
 
     h_mm: float = dimension("half the distance between the screws", 150.0)

@@ -1,4 +1,4 @@
-"""The parts of an arm as lines in space, for pictures and the panel.
+"""The parts of an arm as lines in space, for pictures.
 
 The column is on the ground (z = 0, or the lowest position of the tool) or on the slides. Positions of slides and the
 thickness of a machine are not known: the rail is drawn behind the arm.

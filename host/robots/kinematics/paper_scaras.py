@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
-from steptwin.host.common.bad_input import require_positive
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_models import FileTable, Positive, check_limits
 from steptwin.host.common.findings import check_all
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics.base import dimension, read_geometry, require_joints
@@ -19,20 +19,19 @@ _TOOLS: Final = {0.0: Vertical.UP, 180.0: Vertical.DOWN}
 
 
 @dataclass(frozen=True, slots=True)
-class CalibrationGeometry:
+class CalibrationGeometry(FileTable):
     """Dimensions of the calibrated SCARA; raises InputError for a link not longer than 0 or a twist not 0 or 180.
-
 
     Source: "Kinematic modeling and verification for a SCARA robot", ICMEMTC 2016, Atlantis Press, from p. 918.
     """
 
-    L1_mm: float = dimension("first link, from shoulder to elbow", 250.0)
-    L2_mm: float = dimension("second link, from elbow to wrist", 350.0)
+    L1_mm: Positive = dimension("first link, from shoulder to elbow", 250.0)
+    L2_mm: Positive = dimension("second link, from elbow to wrist", 350.0)
     d1_mm: float = dimension("height of the column", 300.0)
     alpha3_deg: float = dimension("twist at the wrist: 180 for a tool that points down, 0 for up", 180.0)
 
     def __post_init__(self) -> None:
-        check_all(partial(require_positive, self, "L1_mm", "L2_mm"), self._check_tool)
+        check_all(partial(check_limits, self), self._check_tool)
 
     @property
     def joints(self) -> dict[str, Unit]:
@@ -73,9 +72,8 @@ _JOINTS: Final = {"sx": Unit.MM, "sz": Unit.MM, "L1": Unit.MM, "th1": Unit.DEG, 
 
 
 @dataclass(frozen=True, slots=True)
-class WarehouseGeometry:
+class WarehouseGeometry(FileTable):
     """Dimensions of the warehouse robot; raises InputError for a link that is not longer than 0.
-
 
     The slide sx shifts the arm along x, the slide sz along z.
 
@@ -85,13 +83,13 @@ class WarehouseGeometry:
     what its equation 1 calls L5.
     """
 
-    L2_mm: float = dimension("first link, from shoulder to elbow", 200.0)
-    L3_mm: float = dimension("second link, from elbow to wrist", 150.0)
+    L2_mm: Positive = dimension("first link, from shoulder to elbow", 200.0)
+    L3_mm: Positive = dimension("second link, from elbow to wrist", 150.0)
     L4_mm: float = dimension("tip of the tool below the arm", 40.0)
     L5_mm: float = dimension("tip of the tool beside the wrist's axis", 40.0)
 
     def __post_init__(self) -> None:
-        require_positive(self, "L2_mm", "L3_mm")
+        check_limits(self)
 
     @property
     def joints(self) -> dict[str, Unit]:
@@ -131,21 +129,20 @@ def warehouse_scara(robot: Robot) -> Scara:
 
 
 @dataclass(frozen=True, slots=True)
-class TeachingGeometry:
+class TeachingGeometry(FileTable):
     """Dimensions of the teaching SCARA; raises InputError for a link that is not longer than 0.
-
 
     Source: X. Yao, Y. Pan, Y. Gao, "Research and Implementation of SCARA Manipulator Control Algorithm in Experimental
     Teaching", 2017, DOI 10.3969/j.issn.1000-386x.2017.06.019. Its text and its code disagree about the sign of d3. Here
     d3 >= 0 pushes downwards, as in the text; in the paper's experiment d3 is 0, so the two agree.
     """
 
-    l1_mm: float = dimension("first link, from shoulder to elbow", 95.0)
-    l2_mm: float = dimension("second link, from elbow to wrist", 100.0)
+    l1_mm: Positive = dimension("first link, from shoulder to elbow", 95.0)
+    l2_mm: Positive = dimension("second link, from elbow to wrist", 100.0)
     d4_mm: float = dimension("tip of the tool above the arm, negative below it", -40.0)
 
     def __post_init__(self) -> None:
-        require_positive(self, "l1_mm", "l2_mm")
+        check_limits(self)
 
     @property
     def joints(self) -> dict[str, Unit]:
@@ -179,9 +176,8 @@ def teaching_scara(robot: Robot) -> Scara:
 
 
 @dataclass(frozen=True, slots=True)
-class LabGeometry:
+class LabGeometry(FileTable):
     """Dimensions of the laboratory SCARA (P-R-R-R); raises InputError for a link that is not longer than 0.
-
 
     A ball screw lifts the arm of three parallel rotary joints; the tool points down.
 
@@ -189,12 +185,12 @@ class LabGeometry:
     J. Mechanical & Electrical Engineering 36(12), 2019, 1320-1324, its equations corrected (docs/robots.md).
     """
 
-    a2_mm: float = dimension("first link, from shoulder to elbow", 400.0)
-    a3_mm: float = dimension("second link, from elbow to wrist", 400.0)
+    a2_mm: Positive = dimension("first link, from shoulder to elbow", 400.0)
+    a3_mm: Positive = dimension("second link, from elbow to wrist", 400.0)
     d5_mm: float = dimension("tip of the tool below the arm", 150.0)
 
     def __post_init__(self) -> None:
-        require_positive(self, "a2_mm", "a3_mm")
+        check_limits(self)
 
     @property
     def joints(self) -> dict[str, Unit]:

@@ -14,8 +14,8 @@ from enum import StrEnum
 from functools import partial
 from typing import Final
 
-from steptwin.host.common.bad_input import require_positive
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_models import FileTable, Positive, check_limits
 from steptwin.host.common.findings import check_all
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics.base import dimension, read_geometry, require_joints
@@ -40,11 +40,11 @@ class Vertical(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class ScaraGeometry:
+class ScaraGeometry(FileTable):
     """Options and dimensions of a usual SCARA; raises InputError for impossible dimensions."""
 
-    l1_mm: float = dimension("first link, from shoulder to elbow", 200.0)
-    l2_mm: float = dimension("second link, from elbow to wrist", 150.0)
+    l1_mm: Positive = dimension("first link, from shoulder to elbow", 200.0)
+    l2_mm: Positive = dimension("second link, from elbow to wrist", 150.0)
     lift: Lift = dimension("place of the lift in the chain: first, last or none", Lift.LAST, Lift.LAST)
     lift_positive: Vertical = dimension("direction in which the lift counts: up or down", Vertical.DOWN, Vertical.UP)
     tool_rotation: bool = dimension("true if the tool turns about the vertical", True, True)
@@ -56,7 +56,7 @@ class ScaraGeometry:
     tool_mm: float = dimension("tip of the tool beside the wrist's axis, for a tool that turns", 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        check_all(partial(require_positive, self, "l1_mm", "l2_mm"), self._check_tool)
+        check_all(partial(check_limits, self), self._check_tool)
 
     def _check_tool(self) -> None:
         if self.tool_mm and not self.tool_rotation:

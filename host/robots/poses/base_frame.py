@@ -1,15 +1,12 @@
 """Where a robot's base stands in its station, the frame of all poses that a user gives and gets."""
 
-from dataclasses import dataclass, fields
-from functools import partial
-from typing import Final
+from dataclasses import dataclass
+from typing import Annotated, Final
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.common.bad_input import nearest_within, outside
-from steptwin.host.common.errors import InputError
-from steptwin.host.common.findings import check_all
+from steptwin.host.common.file_models import FileTable, Within, check_limits
 
 PLACE_MAX_MM: Final = 100_000.0
 """Farthest place of a base along each axis: 100 m."""
@@ -17,9 +14,11 @@ PLACE_MAX_MM: Final = 100_000.0
 TURN_MAX_DEG: Final = 360.0
 """Largest turn of a base, to either side."""
 
+_Place = Annotated[float, Within(-PLACE_MAX_MM, PLACE_MAX_MM, "mm")]
+
 
 @dataclass(frozen=True, slots=True)
-class BaseFrame:
+class BaseFrame(FileTable):
     """The base's place x, y, z and its turn phi about the vertical, in the station's frame; by default they are one.
 
     Source: the transform S_0T of H. Wang, B. Yin, R. Luo, X. Wang, "Mechanism design and kinematics analysis of 4-dof
@@ -29,20 +28,13 @@ class BaseFrame:
         InputError: the place is beyond PLACE_MAX_MM, the turn beyond TURN_MAX_DEG, or either is not a number.
     """
 
-    x_mm: float = 0.0
-    y_mm: float = 0.0
-    z_mm: float = 0.0
-    phi_deg: float = 0.0
+    x_mm: _Place = 0.0
+    y_mm: _Place = 0.0
+    z_mm: _Place = 0.0
+    phi_deg: Annotated[float, Within(-TURN_MAX_DEG, TURN_MAX_DEG, "deg")] = 0.0
 
     def __post_init__(self) -> None:
-        check_all(*(partial(self._check, field.name) for field in fields(self)))
-
-    def _check(self, key: str) -> None:
-        value, (limit, unit) = getattr(self, key), (TURN_MAX_DEG, "deg") if key == "phi_deg" else (PLACE_MAX_MM, "mm")
-        if not abs(value) <= limit:
-            raise InputError(
-                f"{key}: {outside(value, -limit, limit, unit)}{nearest_within(value, -limit, limit, unit)}"
-            )
+        check_limits(self)
 
     @property
     def matrix(self) -> FloatArray:

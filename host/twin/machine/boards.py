@@ -5,7 +5,7 @@ commissioned board has the robot's settings in its flash: a program that configu
 robot's steps. `steptwin run` begins with a new board instead, which has its factory defaults, and writes every setting.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -23,6 +23,7 @@ from steptwin.host.operate.setting_up import axis_settings
 from steptwin.host.robots.joint import Joint, Transmission
 from steptwin.host.robots.robot import AXES_MAX, Robot
 from steptwin.host.twin.machine.drivers import driver_profile, fitted_module, switched_microsteps
+from steptwin.host.twin.machine.machine_options import AS_FILED, MachineOptions
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.dictionary import FlashPage
@@ -101,40 +102,24 @@ def _steps(transmission: Transmission, units: int) -> int:
 # --- their hardware
 
 
-def board_configs(
-    robot: Robot,
-    joints: Sequence[float],
-    axes_per_board: Sequence[int],
-    driver_profile_name: str | None = None,
-    dip_microsteps: Mapping[str, int] | None = None,
-    crystals_ppm: Sequence[int] = (),
-) -> list[BoardConfig]:
+def board_configs(robot: Robot, options: MachineOptions = AS_FILED) -> list[BoardConfig]:
     """Return the boards that drive the axes of a robot, on one bus; node ids continue from board to board.
 
-    Args:
-        robot: the machine.
-        joints: positions where it stands, mm and degrees.
-        axes_per_board: number of axes on each board, in the order of the joints.
-        driver_profile_name: drivers other than the robot file's; the file's driver settings do not apply to them.
-        dip_microsteps: microsteps other than the robot file's to which modules' switches are set, by joint.
-        crystals_ppm: how fast each board's crystal is, in parts per million; empty: all are exact.
-
     Raises:
-        InputError: the drivers do not exist, or cannot be set as the robot needs them.
-        ValueError: the boards do not have as many axes as the robot.
+        InputError: the drivers do not exist, or cannot be set as the robot needs them, or the boards do not have as
+            many axes as the robot, or a joint or a crystal cannot be as the options say.
     """
-    if sum(axes_per_board) != len(robot.axes):
-        raise ValueError(f"{axes_per_board} are not the {len(robot.axes)} axes of the robot")
-    stands_at = zip(robot.axes, standing_steps(robot, joints), strict=True)
-    profile = driver_profile(robot.board, driver_profile_name)
+    axes_per_board = options.boards_of(robot)
+    stands_at = zip(robot.axes, standing_steps(robot, options.joints(robot)), strict=True)
+    profile = driver_profile(robot.board, options.driver_profile)
     substeps = profile.chip.substeps
     start_substeps = [steps * substeps // joint.transmission.microsteps for joint, steps in stands_at]
-    microsteps = switched_microsteps(robot, profile, dip_microsteps or {})
+    microsteps = switched_microsteps(robot, profile, options.dip_microsteps or {})
     modules = tuple(
         fitted_module(robot.board_at(joint), profile, each) for joint, each in zip(robot.axes, microsteps, strict=True)
     )
     configs: list[BoardConfig] = []
-    for axes, crystal_ppm in zip(axes_per_board, crystals_ppm or [0] * len(axes_per_board), strict=True):
+    for axes, crystal_ppm in zip(axes_per_board, options.crystals_ppm or [0] * len(axes_per_board), strict=True):
         first = sum(config.axis_count for config in configs)
         configs.append(
             BoardConfig(

@@ -71,10 +71,9 @@ class MachineParts:
                 switches, or a feature's options do not fit, or the boards have not as many axes as the robot, or a
                 crystal is too far off, or an EDS cannot be read or its node's id is taken.
         """
-        joints, per_board, profile = options.joints(robot), options.boards_of(robot), options.driver_profile
+        joints, per_board = options.joints(robot), options.boards_of(robot)
         options.check_features()
-        drivers = driver_profile(robot.board, profile)
-        configs = board_configs(robot, joints, per_board, profile, options.dip_microsteps, options.crystals_ppm)
+        drivers, configs = driver_profile(robot.board, options.driver_profile), board_configs(robot, options)
         parts = {
             feature.name: part
             for feature, make in giving("part")

@@ -108,7 +108,7 @@ SEVEN = {**dh_entries(AR4_ROWS), "J7": "theta_deg = 0.0, alpha_deg = 0.0, d_mm =
         ),
         (
             TEXTS["Thor"].replace("xyz_mm = [0, 0, 160]", "xyz_mm = [0, 160]"),
-            "kinematics.chain.J3.xyz_mm: has 2 numbers, it takes 3: x, y, z",
+            "kinematics.chain.J3.xyz_mm: has 2 values, but it takes three: x, y, z",
         ),
     ],
 )

@@ -25,7 +25,7 @@ from steptwin.features.motors.turning import JointLoad, MotorVerdict
 from steptwin.features.motors.turning.verdict import ToolReached
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.verify import AxisEvidence, figures, verify_comparison
-from steptwin.host.verify.figures import AxisReport, AxisRun, Figure, FigureLimit
+from steptwin.host.verify.figures import AxisReport, AxisRun, FigureLimit, ReportFigure
 from steptwin.protocol.drivers import bare_chip
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from tests.features.campaigns.campaigns import SMALL, campaign_of
@@ -86,7 +86,7 @@ def test_what_a_board_cannot_know_tells_no_margin_of_its_axes(
 def test_a_figure_with_a_limit_is_a_margin_of_the_row(healthy: Performance, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is declared in one place: as a figure of the axes' report."""
     ended = FigureLimit("travel", "steps at the end, of a million", lambda *_: 1e6)
-    figure = Figure[AxisRun]("steps at the end", lambda axis: abs(axis.counted.end_steps), limit=ended)
+    figure = ReportFigure[AxisRun]("steps at the end", lambda axis: abs(axis.counted.end_steps), limit=ended)
     wider = make_dataclass("Wider", [("travel_steps", Annotated[int, figure])], bases=(AxisReport,), frozen=True)
     monkeypatch.setattr(figures, "AxisReport", wider)
     assert healthy.outcome is not None

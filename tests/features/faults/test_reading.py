@@ -1,5 +1,7 @@
 """Scenario files: what each key becomes, and every mistake with its place."""
 
+import json
+
 import pytest
 
 from steptwin.features.faults.kinds import FAULTS
@@ -16,6 +18,7 @@ from steptwin.features.faults.scenario import (
     read_scenario,
 )
 from steptwin.features.faults.triggers import TRIGGERS, AtPosition, AtRandom, AtState, AtTime, Direction, OnFrame
+from steptwin.host.cli.app import run
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_models import json_schema
 from steptwin.host.common.findings import Findings
@@ -258,7 +261,7 @@ def test_mistakes(text: str, complaint: str) -> None:
         ),
         (
             'at_s = 1; expect = { motion = "cut", within_ms = -1 }; STOP',
-            "expect.within_ms: -1 is below 0",
+            "expect.within_ms: -1 is negative",
         ),
     ],
 )
@@ -295,3 +298,11 @@ def test_the_schema_has_every_fault_with_its_keys() -> None:
     assert (voltage["type"], voltage["minimum"], voltage["maximum"]) == ("number", 0, 655.35)
     assert faults["switch"]["properties"]["stuck"]["enum"] == ["closed", "open", "free"]
     assert schema["seed"]["maximum"] == 2**31 - 1
+
+
+def test_scenarios_have_a_schema(capsys: pytest.CaptureFixture[str]) -> None:
+    """Editors complete them by it: each fault by its `do`."""
+    assert run(["schema", "scenario"]) == 0
+    schema = json.loads(capsys.readouterr().out)
+    assert set(schema["properties"]) == {"fault", "name", "title", "seed"}
+    assert all("do" in each["properties"] for each in schema["properties"]["fault"]["items"]["oneOf"])

@@ -55,13 +55,13 @@ def test_verify_says_which_faults_a_run_had(tmp_path: Path, capsys: pytest.Captu
 @pytest.mark.slow
 def test_run_says_what_answered(tmp_path: Path, capsys: pytest.CaptureFixture[str], fast_kernel: Kernel) -> None:
     """A motion that is stopped as documented is a success of the scenario: exit code 0."""
-    command = ["run", "teaching-scara", "carry", "--kernel", fast_kernel.name, "--faults"]
-    assert run([*command, written(tmp_path, STOP)]) == 0
+    command = ["run", "teaching-scara", "carry", "--kernel", fast_kernel.name, "--machine"]
+    assert run([*command, f"faults={written(tmp_path, STOP)}"]) == 0
     printed = capsys.readouterr().out
     assert "teaching-scara carry: STOPPED BY A FAULT\n" in printed
     assert printed.endswith("scenario ours: PASSED, 1 of 1 faults struck, seed 0\n")
 
-    assert run([*command, written(tmp_path, STOP, LATE), "--json"]) == 1
+    assert run([*command, f"faults={written(tmp_path, STOP, LATE)}", "--json"]) == 1
     document = json.loads(capsys.readouterr().out)
     assert document["passed"] is False
     assert document["scenario"] == {
@@ -82,7 +82,7 @@ def test_run_says_what_answered(tmp_path: Path, capsys: pytest.CaptureFixture[st
 def test_run_refuses_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = written(tmp_path, STOP.replace("estop", "estpo"))
     assert run(["run", "teaching-scara", "carry", "--machine", f"faults={path}"]) == 2
-    assert capsys.readouterr().err == f"steptwin: {path}: fault 1: do 'estpo' is unknown: did you mean estop?\n"
+    assert capsys.readouterr().err == f"steptwin: {path}: fault 1: do: 'estpo' is unknown: did you mean estop?\n"
     assert run(["run", "teaching-scara", "carry", "--machine", f"faults={path}", "--connect", "127.0.0.1"]) == 2
     assert "--machine faults: is for a run in virtual time" in capsys.readouterr().err
     heavy = written(tmp_path, 'at_s = 0.1\ndo = "payload"\npayload_kg = 2.5\n')

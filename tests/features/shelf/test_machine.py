@@ -224,7 +224,7 @@ class TestDrawerPull:
         assert [(event.what, event.where) for event in shelf.events] == [("hand locked onto the drawer", slot)]
         assert shelf.open_mm == {slot: pytest.approx(open_mm, abs=0.1)}
         assert shelf.cells_out == {slot: cells}
-        outcome.save(tmp_path / "run", draw=lambda _: None)
+        outcome.save(tmp_path / "run")
         assert json.loads((tmp_path / "run" / "shelf.json").read_text())["leaves_open"] == [slot]
         stored = read_run(tmp_path / "run")
         assert stored.comparison.expected.features["shelf"] == PlannedStock(leaves_open=(slot,))
@@ -306,7 +306,7 @@ class TestPart:
         ]
         assert [event.tip_mm[2] for event in shelf.events] == [-60.0] * 4
         assert list(contradictions(shelf, outcome.comparison)) == []
-        outcome.save(tmp_path / "run", draw=lambda _: None)
+        outcome.save(tmp_path / "run")
         assert json.loads((tmp_path / "run" / "shelf.json").read_text())["cleared"] == {"qb": 2}
         stored = read_run(tmp_path / "run")
         assert stored.comparison.expected.features["shelf"] == PlannedStock(cleared={"qb": 2})

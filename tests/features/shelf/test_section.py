@@ -44,7 +44,7 @@ def test_the_shelf_of_the_paper() -> None:
         ('A2 = "drawer-A2"', 'A2 = "drawer"', ["shelf.slots.A2: box 'drawer' is unknown: did you mean drawer-A1 or "]),
         ('A2 = "drawer-A2"', 'output = "drawer-A2"', ["shelf.slots.output: is the name of a spot as well"]),
         ("feeds = true", "feeds = true\nclears = true", ["shelf.spots.pick-up.clears: a spot that feeds boxes cannot"]),
-        ("feeds = true", "grip_mm = -0.1", ["shelf.spots.pick-up.grip_mm: -0.1 mm is below 0 mm"]),
+        ("feeds = true", "grip_mm = -0.1", ["shelf.spots.pick-up.grip_mm: -0.1 mm is negative"]),
         ("lid_mm = [390.0, -173.2, 130.0]", "lid_mm = [390.0]", ["shelf.spots.hand-over.lid_mm: has 1 values, but a"]),
         ('obstacles = ["shelf", ', 'obstacles = ["self", 3, ', ["shelf.obstacles[1]: 3 is not a text"]),
         (

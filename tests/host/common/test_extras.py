@@ -36,9 +36,9 @@ def test_in_a_checkout(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Also beside it: `steptwin` is no name that an index knows."""
     monkeypatch.chdir(CHECKOUT)
     assert installing("fast", "plot") == "pip install -e '.[fast,plot]'"
-    assert installing("panel") == "make panel, or pip install -e '.[panel]'"
+    assert installing("panel", make="panel") == "make panel, or pip install -e '.[panel]'"
     monkeypatch.chdir(tmp_path)
-    assert installing("panel") == f"pip install -e '{CHECKOUT}[panel]'"
+    assert installing("panel", make="panel") == f"pip install -e '{CHECKOUT}[panel]'"
 
 
 @pytest.mark.parametrize(

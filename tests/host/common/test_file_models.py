@@ -14,11 +14,9 @@ from steptwin.host.common.file_models import (
     FileTable,
     Name,
     NotNegative,
-    Number,
     OneOf,
     Positive,
     Values,
-    Whole,
     Within,
     json_schema,
     read_model,
@@ -43,7 +41,7 @@ class Crate(FileTable):
         load_kg: what it carries; None: nothing.
     """
 
-    x_mm: Annotated[tuple[Number, Number], Values("a crate has two ends: [from, to]")]
+    x_mm: Annotated[tuple[float, float], Values("a crate has two ends: [from, to]")]
     side: Side = Side.LEFT
     load_kg: Positive | None = None
 
@@ -69,16 +67,13 @@ class Stay(FileTable):
 
 @dataclass(frozen=True, slots=True)
 class Named(FileTable):
-    """Knows its name."""
+    """Becomes something else than itself, of its name and what the reader knows."""
 
     level: Literal[1, 2, 4]
-    name: str = field(init=False, default="")
 
     @classmethod
-    def of(cls, values: dict[str, Any], reading: FileReading) -> "Named":
-        made = super(Named, cls).of(values, reading)
-        object.__setattr__(made, "name", f"{reading.name} of {reading.known}")
-        return made
+    def made_of(cls, values: dict[str, Any], reading: FileReading) -> str:
+        return f"{reading.name} of {reading.known}: {values['level']}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,11 +82,11 @@ class Store(FileTable):
 
     name: Annotated[str, Name(8)]
     motor: Annotated[str, Choice("motor", ("17HS19", "23HS22"))] = "17HS19"
-    count: Whole = 0
+    count: int = 0
     wired: bool = False
     crates: Mapping[str, Crate] = field(default_factory=dict)
-    places: Mapping[str, Mapping[str, Number]] = field(default_factory=dict)
-    named: Mapping[str, Named] = field(default_factory=dict)
+    places: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    named: Mapping[str, Annotated[Any, Named]] = field(default_factory=dict)
     step: tuple[Annotated[Any, OneOf(lambda: {"go": Go, "stay": Stay}, "a step")], ...] = ()
 
     def __post_init__(self) -> None:
@@ -116,7 +111,7 @@ def test_a_table_becomes_the_dataclass() -> None:
     assert store.crates == {"a": Crate((1.0, 2.5), Side.RIGHT, 4.0), "b": Crate((0.0, 1.0))}
     assert type(store.crates["a"].load_kg) is float
     assert store.places == {"home": {"x": 1.0, "y": -2.5}}
-    assert store.named["lift"].name == "lift of main"
+    assert store.named == {"lift": "lift of main: 2"}
     assert store.step == (Go("home", 2.0), Stay(0.0))
     assert (store.name, store.motor, store.count, store.wired) == ("main", "17HS19", 3, False)
 
@@ -130,7 +125,7 @@ MISTAKES = {
     'name = "main"\nmotor = "17HS91"': "motor: motor '17HS91' is unknown: did you mean 17HS19?",
     'name = "main"\ncount = 1.0': "count: 1.0 is not a whole number",
     'name = "main"\ncount = true': "count: True is not a whole number",
-    'name = "main"\ncount = 10_000_000_000': "count: 10000000000 is not a finite number up to 1e+09",
+    'name = "main"\ncount = 10_000_000_000': "count: 10000000000 is not a whole number up to 1e+09",
     'name = "main"\nwired = 1': "wired: 1 is neither true nor false",
     'name = "main"\nwired = true': "wired: without crates",
     'name = "main"\ncrates = 3': "crates: 3 is not a table",
@@ -158,7 +153,7 @@ MISTAKES = {
     'name = "main"\n[[step]]\ngo = "x"\nduration_s = 0.5': (
         "step 1: duration_s: 0.5 s is outside 1..5 s; the nearest is 1 s"
     ),
-    'name = "main"\n[[step]]\nstay = -1': "step 1: stay: -1 is below 0",
+    'name = "main"\n[[step]]\nstay = -1': "step 1: stay: -1 is negative",
     'name = "main"\n[[step]]\nsty = 1': "step 1: 'sty' is unknown: did you mean stay?",
     'name = "main"\n[[step]]\nq = 1': "step 1: a step has exactly one of go, stay, not none",
     'name = "main"\n[[step]]\ngo = "x"\nstay = 1': "step 1: a step has exactly one of go, stay, not go and stay",
@@ -199,7 +194,7 @@ def test_no_mistake_hides_another() -> None:
         "crates.c.x_mm: is missing",
         "step 1: go: 3 is not a text",
         "step 1: duration_s: 9.0 s is outside 1..5 s; the nearest is 5 s",
-        "step 2: stay: -1 is below 0",
+        "step 2: stay: -1 is negative",
     )
 
 
@@ -216,7 +211,7 @@ def test_the_schema_has_descriptions_units_limits_and_defaults() -> None:
     assert (schema["required"], schema["additionalProperties"]) == (["name"], False)
     crate = schema["properties"]["crates"]["additionalProperties"]
     assert crate["description"] == "A crate that stands somewhere."
-    assert crate["properties"]["x_mm"]["description"] == "its ends along x. Unit: mm."
+    assert crate["properties"]["x_mm"]["description"] == "its ends along x. Unit: mm"
     assert crate["properties"]["load_kg"]["exclusiveMinimum"] == 0
     assert schema["properties"]["motor"]["enum"] == ["17HS19", "23HS22"]
     go, stay = schema["properties"]["step"]["items"]["oneOf"]

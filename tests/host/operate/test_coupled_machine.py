@@ -14,6 +14,7 @@ from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import read_status
 from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.host.twin.machine.boards import board_configs
+from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.homing_methods import HOME_HERE
@@ -217,9 +218,9 @@ def test_a_limit_switch_stands_at_a_joint_position(turn_deg: float, closed: bool
 
 def test_coupled_axes_are_on_one_board() -> None:
     robot = coupled_robot()
-    board_configs(robot, list(robot.home), [2, 2])
+    board_configs(robot, MachineOptions(axes_per_board=[2, 2]))
     with refusing(InputError):
-        board_configs(robot, list(robot.home), [1, 3])
+        board_configs(robot, MachineOptions(axes_per_board=[1, 3]))
 
 
 def test_a_step_of_the_shoulder_leaves_the_elbow(fast_kernel: Kernel) -> None:

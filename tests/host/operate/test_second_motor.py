@@ -13,6 +13,7 @@ from steptwin.host.operate.status import read_status
 from steptwin.host.robots import parse_robot
 from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.host.twin.machine.boards import board_configs
+from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput
 from tests.host.robots.gantries import SECOND, SKEW_MAX_MM, STEPS_PER_MM, UNITS_PER_MM, gantry_text
@@ -186,8 +187,8 @@ def test_a_limit_switch_of_one_motor_stops_both(fast_kernel: Kernel) -> None:
 def test_both_motors_are_on_one_board() -> None:
     robot = parse_robot(gantry_text(SECOND), "gantry.toml")
     with refusing(InputError):
-        board_configs(robot, [0.0, 0.0], (2, 1))
-    assert len(board_configs(robot, [0.0, 0.0], (1, 2))) == 2
+        board_configs(robot, MachineOptions(axes_per_board=(2, 1)))
+    assert len(board_configs(robot, MachineOptions(axes_per_board=(1, 2)))) == 2
 
 
 @pytest.mark.slow

@@ -121,10 +121,10 @@ input_high_v = 101
 """
     assert wrong(f'driver_profile = "generic"{table}') == [
         "board.driver.microsteps[1]: 3 is not one of 1, 2, 4, 5, 8, 10, 16, 20, 25, 32, 40, 50, 64, 100, 125, 128, 256",
-        "board.driver.stepspace_ns: 500001 is not a whole number up to 500000",
-        "board.driver.dirsetup_ns: -1 is below 0",
+        "board.driver.stepspace_ns: 500001 ns is outside 0..500000 ns",
+        "board.driver.dirsetup_ns: -1 ns is outside 0..500000 ns",
         "board.driver.dirhold_ns: is missing",
-        "board.driver.enable_ns: 10000000001 is not a whole number up to 10000000000",
+        "board.driver.enable_ns: 10000000001 ns is outside 0..10000000000 ns",
         "board.driver.step_rate_max_hz: 0 is below 1",
         "board.driver.input_high_v: 101.0 V is outside 0..100 V; the nearest is 100 V",
     ]

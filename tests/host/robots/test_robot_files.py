@@ -482,7 +482,7 @@ class TestDrivers:
         settings = f"idle_percent = {idle_percent}\nfast_decay_percent = {fast_decay_percent}"
         text = changed("osc_pf = 330", f'driver_profile = "3a-module"\ncurrent_a = 2\n{settings}')
         robot = parse_robot(text, "mine.toml")
-        (config,) = board_configs(robot, robot.home, [len(robot.joints)])
+        (config,) = board_configs(robot)
         driver = Driver(config.modules[0])
         driver.feed(pins(changes=POWER_UP, until=600 * 72_000))
         currents = np.abs(driver.chip.outputs.currents_a(np.array([499, 501]) * 72_000)).max(axis=1)

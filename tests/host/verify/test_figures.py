@@ -13,7 +13,7 @@ from steptwin.host.common.features import Feature
 from steptwin.host.verify import figures, verify
 from steptwin.host.verify.figures import (
     AxisReport,
-    Figure,
+    ReportFigure,
     SeenAxis,
     axis_figures,
     clk_high_us_min,
@@ -61,7 +61,7 @@ def test_columns_have_a_dash_for_an_axis_that_did_not_move(capsys: pytest.Captur
     assert stood.split() == ["b", "10", "10", "0", "-", "-", "-", "-", "0"]
 
 
-FASTEST = Figure[figures.AxisRun](
+FASTEST = ReportFigure[figures.AxisRun](
     "shortest interval of two steps",
     lambda axis: float(np.diff(axis.evidence.step_counts).min(initial=2**31) / 72),
     unit="us",
@@ -88,7 +88,7 @@ def test_a_figure_is_added_in_one_place(monkeypatch: pytest.MonkeyPatch, capsys:
 def test_a_feature_declares_figures_in_the_same_form(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    turns = Figure[SeenAxis]("turns", lambda axis: axis.seen[axis.name], heading="turns", form="{:.1f}")
+    turns = ReportFigure[SeenAxis]("turns", lambda axis: axis.seen[axis.name], heading="turns", form="{:.1f}")
     judge = SimpleNamespace(document=lambda _, start_counts: {"since": start_counts})
     worn = Feature(name="worn", judge=lambda: judge, figures=lambda: {"turns": turns})
     monkeypatch.setattr(features, "registered", lambda: ({"worn": worn}, {}))

@@ -5,23 +5,23 @@ standard-dh    the same four parameters with alpha and a behind the joint
 urdf           xyz_mm, rpy_deg and axis of each joint: its pose in the frame before it, and its axis in that frame
 """
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, fields
 from enum import StrEnum
 from functools import lru_cache, partial
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.findings import check_all
-from steptwin.host.common.tables import Reading, Table, number_at
+from steptwin.host.common.file_models import FileReading, FileTable, ReadBy, read_table, table_schema
+from steptwin.host.common.findings import UnreadError, check_all, judged
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics.base import dimension
 from steptwin.host.robots.kinematics.dh import Convention, DhParameter, DhRow, DhTable
-from steptwin.host.robots.kinematics.serial.rows import FixedFrame, fixed_rows, rows_around, turned_onto
+from steptwin.host.robots.kinematics.serial.rows import FixedFrame, Triple, fixed_rows, rows_around, turned_onto
 from steptwin.host.robots.poses import DIRECTION_TASK, POSE, POSITION, Task
 from steptwin.host.robots.poses.base_frame import STATION
 from steptwin.host.robots.poses.rotations import of_matrix, rpy_deg
@@ -86,48 +86,79 @@ class ChainJoint:
             raise InputError("axis: 0 0 0 is no direction; 0 0 1 is along z")
 
 
-def _triple(table: Table, key: str) -> tuple[float, float, float]:
-    values = table.elements(key)
-    if len(values) != 3:
-        raise InputError(f"{key}: has {len(values)} numbers, it takes 3: x, y, z")
-    x, y, z = (number_at(f"{key}[{i}]", value) for i, value in enumerate(values))
-    return x, y, z
+class _JointTable(FileTable):
+    """Base of the tables of a chain's joints in its notations."""
+
+    __slots__ = ()
+
+    @classmethod
+    def made_of(cls, values: dict[str, Any], reading: FileReading) -> ChainJoint:
+        """Return the joint; raise UnreadError if it is not whole."""
+        own: Any = cls
+        others = _FIELDS - {field.name for field in fields(own)}
+        joint = judged(ChainJoint, {**dict.fromkeys(others), **values}, reading.findings)
+        for name in _FIELDS:
+            getattr(joint, name)
+        return joint
 
 
-def _frame(table: Table, key: str) -> FixedFrame:
-    with table.section(key) as section:
-        values = section.read({}, dict.fromkeys(("xyz_mm", "rpy_deg"), _triple))
-    return FixedFrame(**{name: value for name, value in values.items() if value is not None})
+_FIELDS: Final = {field.name for field in fields(ChainJoint)}
 
 
-_DH_KEYS: Final[dict[str, Reading]] = dict.fromkeys(("theta_deg", "alpha_deg", "d_mm", "a_mm"), Table.number)
-_URDF_KEYS: Final[dict[str, Reading]] = dict.fromkeys(("xyz_mm", "rpy_deg", "axis"), _triple)
+@dataclass(frozen=True, slots=True)
+class DhJoint(_JointTable):
+    """A joint as a row of a DH table.
+
+    Attributes:
+        theta_deg: turn about z; the position of a joint that turns is added to it.
+        alpha_deg: turn about x, the twist.
+        d_mm: shift along z; the position of a joint that slides is added to it.
+        a_mm: shift along x, the link's length.
+        slides: true for a joint that slides along its axis.
+    """
+
+    theta_deg: float
+    alpha_deg: float
+    d_mm: float
+    a_mm: float
+    slides: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class FrameJoint(_JointTable):
+    """A joint as a URDF describes it.
+
+    Attributes:
+        xyz_mm: its place in the frame before.
+        rpy_deg: its roll, pitch and yaw in the frame before.
+        axis: its axis in its own frame, of any length.
+        slides: true for a joint that slides along its axis.
+    """
+
+    xyz_mm: Triple = (0.0, 0.0, 0.0)
+    rpy_deg: Triple = (0.0, 0.0, 0.0)
+    axis: Triple = (0.0, 0.0, 1.0)
+    slides: bool = False
 
 
 Chain = tuple[tuple[str, ChainJoint], ...]
 """The joints of a chain with their names, from the base to the tool."""
 
 
-def _chain(table: Table, key: str) -> Chain:
-    """Read the joints, whose keys depend on the notation in the same table."""
-    keys = _URDF_KEYS if table.values.get("notation") == Notation.URDF else _DH_KEYS
-    with table.section(key) as section:
-        return tuple(section.read(dict.fromkeys(section, partial(_joint, keys))).items())
+def _read_chain(value: Any, reading: FileReading) -> Chain:
+    """Return the joints; their keys are those of the notation beside them."""
+    if isinstance(value, tuple):
+        return value
+    model = FrameJoint if reading.table.get("notation") == Notation.URDF else DhJoint
+    named: dict[str, ChainJoint] = read_table(dict[str, model], value, reading)  # type: ignore[valid-type]
+    if len(named) < len(value):
+        raise UnreadError("chain")
+    return tuple(named.items())
 
 
-def _joint(keys: Mapping[str, Reading], table: Table, key: str) -> ChainJoint:
-    required = keys if keys is _DH_KEYS else {}
-    optional = {"slides": Table.truth, **({} if keys is _DH_KEYS else keys)}
-    with table.section(key) as section:
-        values = section.read(required, optional)
-        return ChainJoint(**{name: value for name, value in values.items() if value is not None})
-
-
-def _names(table: Table, key: str) -> tuple[str, ...]:
-    names = table.elements(key)
-    if strange := [f"{key}[{i}]: is not a text" for i, name in enumerate(names) if not isinstance(name, str)]:
-        raise InputError(*strange)
-    return tuple(map(str, names))
+def _chain_schema() -> dict[str, Any]:
+    joints = [table_schema(model) for model in (DhJoint, FrameJoint)]
+    return {"type": "object", "additionalProperties": {"anyOf": joints}}
 
 
 TOOLS_NAMES: Final = frozenset({"x", "y", "z", "phi", "rx", "ry", "rz", "roll", "pitch", "yaw", "dx", "dy", "dz"})
@@ -178,15 +209,17 @@ def usual_arm(joints: int) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, slots=True)
-class ChainGeometry:
+class ChainGeometry(FileTable):
     """Joints of a chain, frames at its ends, and task of its tool; raises InputError if they do not fit."""
 
     notation: Notation = dimension("modified-dh, standard-dh or urdf", Notation.MODIFIED_DH)
-    chain: Chain = dimension("the joints from the base to the tool", _SIX_AXES, reading=_chain)
+    chain: Annotated[Chain, ReadBy(_read_chain, _chain_schema)] = dimension(
+        "the joints from the base to the tool", _SIX_AXES
+    )
     task: ToolTask = dimension("what the tool is told: pose, direction or position", ToolTask.POSE, ToolTask.BY_JOINTS)
-    held: tuple[str, ...] = dimension("joints that stay where they are when the tool moves", (), (), reading=_names)
-    base: FixedFrame = dimension("frame of the first joint in the base", None, FixedFrame(), reading=_frame)
-    tool: FixedFrame = dimension("frame of the tool behind the last joint", None, FixedFrame(), reading=_frame)
+    held: tuple[str, ...] = dimension("joints that stay where they are when the tool moves", (), ())
+    base: FixedFrame = dimension("frame of the first joint in the base", None, FixedFrame())
+    tool: FixedFrame = dimension("frame of the tool behind the last joint", None, FixedFrame())
 
     def __post_init__(self) -> None:
         check_all(partial(check_joint_names, "chain", self.joints), self._check_held, self._check_task)

@@ -11,11 +11,12 @@ Source: J. J. Craig, "Introduction to Robotics", section 3.4: the frames of link
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.file_models import FileTable, Values
 from steptwin.host.robots.kinematics.dh import Convention, DhParameter, DhRow
 from steptwin.host.robots.poses.rotations import matrix, of_rpy_deg
 
@@ -24,13 +25,20 @@ _PARALLEL: Final = 1e-9
 _DECIMALS: Final = 12
 """Decimals of a row's numbers; further ones are rounding errors."""
 
+Triple = Annotated[tuple[float, float, float], Values("it takes three: x, y, z")]
+
 
 @dataclass(frozen=True, slots=True)
-class FixedFrame:
-    """A fixed transform: position in mm, and roll, pitch and yaw in degrees."""
+class FixedFrame(FileTable):
+    """A fixed transform.
 
-    xyz_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    rpy_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    Attributes:
+        xyz_mm: its place.
+        rpy_deg: its roll, pitch and yaw.
+    """
+
+    xyz_mm: Triple = (0.0, 0.0, 0.0)
+    rpy_deg: Triple = (0.0, 0.0, 0.0)
 
     @property
     def matrix(self) -> FloatArray:

@@ -102,12 +102,9 @@ class Browser:
         self.until(clicked)
 
     def operate(self) -> None:
-        """Take the operator's place, by the button that the page offers for it.
-
-        That is another one once the operator before has been away for long enough, which may be while it is pressed.
-        """
+        """Take the operator's place, by the button that the page offers once no other page operates."""
         script = """[...document.querySelectorAll("button")].find((button) =>
-            ["Operate", "Take over"].includes(button.innerText.trim()) && button.offsetParent)?.click();"""
+            button.innerText.trim() === "Operate" && button.offsetParent)?.click();"""
 
         def operates() -> bool:
             if not self.shows("you operate"):

@@ -1,4 +1,4 @@
-"""The page without a browser: what it shows of a desk, and what it asks of it."""
+"""The page without a browser: what it shows of a service, and what it asks of it."""
 
 import asyncio
 import json
@@ -18,10 +18,15 @@ from nicegui import core, ui
 from nicegui.element import Element
 from nicegui.testing import User, UserInteraction, user_simulation
 
-from steptwin.features.panel.desk.commands import (
+from steptwin.features.panel.page import visitor
+from steptwin.features.panel.page.hub import Hub, tick_of
+from steptwin.features.panel.page.motions import Planned, UploadedMotion, plan_upload
+from steptwin.features.panel.page.visitor import SHOWN, note_shown
+from steptwin.features.panel.service.commands import (
     Disable,
     HomeAll,
     HomeJoint,
+    JointJog,
     MoveJoints,
     MoveTool,
     ResetFaults,
@@ -29,23 +34,19 @@ from steptwin.features.panel.desk.commands import (
     StepJoint,
     StepTool,
     SwitchOutput,
+    ToolJog,
     WriteSettings,
 )
-from steptwin.features.panel.desk.jogs import JointJog, ToolJog
-from steptwin.features.panel.desk.results import Placed, Result
-from steptwin.features.panel.desk.settings import Setting
-from steptwin.features.panel.desk.state import Activity
-from steptwin.features.panel.page import visitor
-from steptwin.features.panel.page.hub import Hub, tick_of
-from steptwin.features.panel.page.motions import Planned, plan_upload
-from steptwin.features.panel.page.visitor import SHOWN, note_shown
+from steptwin.features.panel.service.results import Placed, Result
+from steptwin.features.panel.service.settings import Setting
+from steptwin.features.panel.service.snapshots import Activity, BoardFigures
 from steptwin.host.client.words import STOP_PRESSED
 from steptwin.host.operate.running import AxisEnd, LiveOutcome
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.tool_by_hand import StepFrame
 from steptwin.host.robots import load_robot, robot_names
-from tests.features.panel.page.scripted_desk import ScriptedDesk
+from tests.features.panel.page.scripted_service import ScriptedService
 
 pytestmark = pytest.mark.slow
 
@@ -53,13 +54,13 @@ LAB = load_robot("lab-scara")
 
 
 class Rig:
-    """A page, its desk and its simulated user."""
+    """A page, its service and its simulated user."""
 
-    def __init__(self, user: User, hub: Hub, desk: ScriptedDesk) -> None:
-        self.user, self.hub, self.desk = user, hub, desk
+    def __init__(self, user: User, hub: Hub, service: ScriptedService) -> None:
+        self.user, self.hub, self.service = user, hub, service
 
     async def look(self) -> None:
-        """Let the page follow the desk."""
+        """Let the page follow the service."""
         await self.hub.tick()
         await asyncio.sleep(0)
 
@@ -131,8 +132,8 @@ class Rig:
 
     @property
     def asked(self) -> list[Any]:
-        """The commands that the desk has agreed to."""
-        return [command for _, command in self.desk.asked]
+        """The commands that the service has agreed to."""
+        return [command for _, command in self.service.asked]
 
 
 def _visible(element: Element) -> bool:
@@ -146,13 +147,13 @@ def _names(element: Element) -> set[str]:
 
 
 @asynccontextmanager
-async def opened(desk: ScriptedDesk, folder: Path, control: Any = None) -> AsyncIterator[Rig]:
-    """Open the page of a desk."""
-    hub = Hub(desk, str(folder / "positions.toml"), control)
+async def opened(service: ScriptedService, folder: Path, control: Any = None) -> AsyncIterator[Rig]:
+    """Open the page of a service."""
+    hub = Hub(service, str(folder / "positions.toml"), control)
     async with user_simulation(root=hub.build) as user:
         hub.start()
         await user.open("/")
-        rig = Rig(user, hub, desk)
+        rig = Rig(user, hub, service)
         await asyncio.sleep(0)
         await rig.look()
         yield rig
@@ -162,8 +163,8 @@ async def opened(desk: ScriptedDesk, folder: Path, control: Any = None) -> Async
 def _planned_here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plan uploaded files in a thread, not in a process, which test_planning_apart tries."""
 
-    async def plan_here(*asked: Any) -> Planned:
-        return await asyncio.to_thread(plan_upload, *asked)
+    async def plan_here(file: UploadedMotion) -> Planned:
+        return await asyncio.to_thread(plan_upload, file)
 
     monkeypatch.setattr("steptwin.features.panel.page.run.plan_apart", plan_here)
 
@@ -172,23 +173,23 @@ Body = Callable[[Rig], Coroutine[Any, Any, None]]
 
 
 @pytest.fixture
-def on_page(tmp_path: Path) -> Callable[..., ScriptedDesk]:
-    """Return a function that runs a body on an open page, of lab-scara by default, and returns the desk."""
+def on_page(tmp_path: Path) -> Callable[..., ScriptedService]:
+    """Return a function that runs a body on an open page, of lab-scara by default, and returns the service."""
 
-    def run(body: Body, desk: ScriptedDesk | None = None) -> ScriptedDesk:
-        desk = desk or ScriptedDesk(LAB)
+    def run(body: Body, service: ScriptedService | None = None) -> ScriptedService:
+        service = service or ScriptedService(LAB)
 
         async def opened_body() -> None:
-            async with opened(desk, tmp_path) as rig:
+            async with opened(service, tmp_path) as rig:
                 await body(rig)
 
         asyncio.run(opened_body())
-        return desk
+        return service
 
     return run
 
 
-OnPage = Callable[..., ScriptedDesk]
+OnPage = Callable[..., ScriptedService]
 
 
 # --- what is shown
@@ -206,33 +207,33 @@ def test_every_robot_has_its_page(name: str, on_page: OnPage) -> None:
         for output in robot.outputs:
             assert rig.find(f"switch {output} on")
         scene = next(element for element in rig.user.client.elements.values() if "roles" in element.props)  # type: ignore[union-attr]
-        assert len(scene.props["roles"]) == len(rig.desk.now.links_mm)
+        assert len(scene.props["roles"]) == len(rig.service.now.links_mm)
         assert len(scene.props["boxes"]) == len(robot.boxes)
 
-    on_page(body, ScriptedDesk(robot))
+    on_page(body, ScriptedService(robot))
 
 
 def test_what_is_in_the_way_is_said_with_the_remedy(on_page: OnPage) -> None:
     async def body(rig: Rig) -> None:
-        desk = rig.desk
+        service = rig.service
         assert not rig.shows("Not homed")
-        desk.show_joints(homed=False)
+        service.show_joints(homed=False)
         await rig.look()
         assert rig.shows("Not homed: d1, th2, th3, th4.")
-        desk.show_joints(homed=True, error="the motor does not follow: is it blocked?")
+        service.show_joints(homed=True, error="the motor does not follow: is it blocked?")
         await rig.look()
         assert "Fault: d1, th2, th3, th4: the motor does not follow: is it blocked?" in rig.texts()
         await rig.click("Reset")
         assert isinstance(rig.asked[-1], ResetFaults)
-        desk.show_joints(error=None)
-        desk.show(emergency_stopped=True)
+        service.show_joints(error=None)
+        service.show(emergency_stopped=True)
         await rig.look()
         assert rig.shows("Emergency stop: nothing moves until the reset.")
-        desk.show(connected=False, why_not="no report from the machine for 0.5 s")
+        service.show(connected=False, why_not="no report from the machine for 0.5 s")
         await rig.look()
         assert rig.shows("Not connected: no report from the machine for 0.5 s.")
         assert any("unseen" in element.classes for element in rig.user.client.elements.values())  # type: ignore[union-attr]
-        desk.show(connected=True, why_not=None, emergency_stopped=False)
+        service.show(connected=True, why_not=None, emergency_stopped=False)
         await rig.look()
         assert not any(rig.shows(text) for text in ("Not connected", "Emergency stop", "Fault", "Not homed"))
 
@@ -241,17 +242,17 @@ def test_what_is_in_the_way_is_said_with_the_remedy(on_page: OnPage) -> None:
 
 def test_a_drive_that_cannot_be_switched_on_says_why(on_page: OnPage) -> None:
     async def body(rig: Rig) -> None:
-        desk = rig.desk
-        desk.show_joints(hindrance=STOP_PRESSED, state="off")
+        service = rig.service
+        service.show_joints(hindrance=STOP_PRESSED, state="off")
         await rig.look()
         assert rig.shows("The drives cannot be switched on: the machine's emergency stop is pressed.")
         assert rig.texts().count("off: the machine's emergency stop is pressed") == len(LAB.joints)
-        desk.show(emergency_stopped=True)
+        service.show(emergency_stopped=True)
         await rig.look()
         assert rig.shows("Emergency stop: pull its button out at the machine, then reset.")
-        hot, *others = desk.now.joints
+        hot, *others = service.now.joints
         free = [replace(joint, hindrance=None) for joint in others]
-        desk.show(emergency_stopped=False, joints=(replace(hot, hindrance="its driver is too hot"), *free))
+        service.show(emergency_stopped=False, joints=(replace(hot, hindrance="its driver is too hot"), *free))
         await rig.look()
         assert rig.shows("The drives cannot be switched on: d1: its driver is too hot.")
 
@@ -260,7 +261,7 @@ def test_a_drive_that_cannot_be_switched_on_says_why(on_page: OnPage) -> None:
 
 def test_before_the_first_connection_the_page_looks_for_the_machine(on_page: OnPage) -> None:
     async def body(rig: Rig) -> None:
-        rig.desk.show(connected=False, why_not="looking for the machine", joints=())
+        rig.service.show(connected=False, why_not="looking for the machine", joints=())
         await rig.look()
         assert "Not connected: looking for the machine." in rig.texts()
 
@@ -269,9 +270,9 @@ def test_before_the_first_connection_the_page_looks_for_the_machine(on_page: OnP
 
 def test_a_joint_that_is_not_homed_has_no_position_and_may_be_told_where_it_stands(on_page: OnPage) -> None:
     async def body(rig: Rig) -> None:
-        rig.desk.show_joints(homed=False)
+        rig.service.show_joints(homed=False)
         await rig.look()
-        assert tick_of(rig.desk.now)["known"] == [False] * len(LAB.joints)
+        assert tick_of(rig.service.now)["known"] == [False] * len(LAB.joints)
         unknown = [element for element in rig.elements() if "unknown" in element.classes]
         assert len(unknown) == len(LAB.joints)
         rig.first("th3").set_value(30.0)
@@ -291,16 +292,16 @@ def test_a_joint_that_is_not_homed_has_no_position_and_may_be_told_where_it_stan
 def test_the_head_follows_the_activity(on_page: OnPage) -> None:
     async def body(rig: Rig) -> None:
         assert not rig.find("Pause").enabled
-        rig.desk.show(activity=Activity("spiral", 0.42, paused=False, pausable=True))
+        rig.service.show(activity=Activity("spiral", 0.42, paused=False, pausable=True))
         await rig.look()
         assert rig.shows("spiral 42 %")
         await rig.click("Pause")
-        rig.desk.show(activity=Activity("spiral", 0.42, paused=True, pausable=True))
+        rig.service.show(activity=Activity("spiral", 0.42, paused=True, pausable=True))
         await rig.look()
         assert rig.shows("spiral 42 %, paused")
         await rig.click("Resume")
         tab = rig.user.tab_id
-        names = [call for call in rig.desk.calls if call[0] != "gone"]
+        names = [call for call in rig.service.calls if call[0] != "gone"]
         assert names == [
             ("pause", "browser 1"),
             ("resume", tab),
@@ -316,21 +317,21 @@ def test_the_run_tab_changes_the_speed_on_the_way(on_page: OnPage) -> None:
         button = "50 % of the planned speed"
         assert not rig.find(button).enabled
         assert "data-moves" in rig.find(button).props
-        rig.desk.show(activity=Activity("spiral", 0.42, paused=False, pausable=True), speed_percent=100.0)
+        rig.service.show(activity=Activity("spiral", 0.42, paused=False, pausable=True), speed_percent=100.0)
         await rig.look()
         assert rig.shows("runs at 100 %")
         SHOWN.set(7)
         await rig.click(button)
         await rig.click("150 % of the planned speed")
-        assert [call for call in rig.desk.calls if call[0] == "speed"] == [
+        assert [call for call in rig.service.calls if call[0] == "speed"] == [
             ("speed", rig.user.tab_id, 50),
             ("speed", rig.user.tab_id, 150),
         ]
-        assert rig.desk.asked_from == [7, 7]
-        rig.desk.show(speed_percent=50.0)
+        assert rig.service.asked_from == [7, 7]
+        rig.service.show(speed_percent=50.0)
         await rig.look()
         assert rig.shows("runs at 50 %")
-        rig.desk.show(activity=Activity("home", 0.5, paused=False, pausable=False), speed_percent=None)
+        rig.service.show(activity=Activity("home", 0.5, paused=False, pausable=False), speed_percent=None)
         await rig.look()
         assert not rig.find(button).enabled
         assert not rig.shows("runs at")
@@ -348,9 +349,9 @@ def test_a_stop_comes_by_the_socket_and_by_a_request_with_the_name_of_its_press(
         assert by_socket("emergency_stop", "x" * 1000) == {"told": True}
         assert by_socket("stop") == {"told": True}
         assert await rig.press("emergency_stop", "y" * 1000) == {"told": True}
-        rig.desk.show(connected=False, why_not="gone")
+        rig.service.show(connected=False, why_not="gone")
         assert await rig.press("stop", "z") == {"told": False}
-        assert rig.desk.calls == [
+        assert rig.service.calls == [
             ("emergency_stop", "a browser", "x" * 64),
             ("stop", "a browser", None),
             ("emergency_stop", "browser 1", "y" * 64),
@@ -388,19 +389,19 @@ def test_commands_are_asked_for_from_the_state_that_the_event_names(on_page: OnP
             SHOWN.set(shown)
             await rig.click("home th2")
             await rig.emit("jog_beat", press=1, what="d1", sign=1)
-        rig.desk.show(activity=Activity("spiral", 0.42, paused=True, pausable=True))
+        rig.service.show(activity=Activity("spiral", 0.42, paused=True, pausable=True))
         await rig.look()
         SHOWN.set(6)
         await rig.click("Resume")
-        assert rig.desk.asked_from == [5, 5, None, None, 6]
+        assert rig.service.asked_from == [5, 5, None, None, 6]
 
     on_page(body)
 
 
 def test_events_stay_until_they_are_cleared(on_page: OnPage) -> None:
     async def body(rig: Rig) -> None:
-        rig.desk.events.info("all drives: enabled")
-        rig.desk.events.error("th2: it has reached a limit switch")
+        rig.service.events.info("all drives: enabled")
+        rig.service.events.error("th2: it has reached a limit switch")
         await rig.look()
         (log,) = [element for element in rig.elements() if element.props.get("role") == "log"]
         newest, older = [row.default_slot.children[-1] for row in log.default_slot.children[:2]]
@@ -415,7 +416,7 @@ def test_events_stay_until_they_are_cleared(on_page: OnPage) -> None:
         assert rig.shows("all drives: enabled")
         await rig.click("Clear")
         assert not any("limit switch" in text for text in rig.texts())
-        rig.desk.events.info("resumed")
+        rig.service.events.info("resumed")
         await rig.look()
         assert rig.shows("resumed")
 
@@ -425,7 +426,7 @@ def test_events_stay_until_they_are_cleared(on_page: OnPage) -> None:
 def test_the_last_minutes_are_saved_as_csv(on_page: OnPage) -> None:
     async def body(rig: Rig) -> None:
         zero = np.zeros(len(LAB.joints))
-        rig.desk.history.add(7.0, np.array(LAB.home), zero, zero)
+        rig.service.history.add(7.0, np.array(LAB.home), zero, zero)
         await rig.click("save the last minutes as CSV")
         saved = rig.user.download.http_responses
         await rig.until(lambda: bool(saved))
@@ -447,7 +448,7 @@ def test_a_page_that_is_opened_leaves_others_their_turns(tmp_path: Path) -> None
             turns += 1
 
     async def body() -> None:
-        hub = Hub(ScriptedDesk(LAB), str(tmp_path / "positions.toml"))
+        hub = Hub(ScriptedService(LAB), str(tmp_path / "positions.toml"))
 
         async def build() -> None:
             before = turns
@@ -467,27 +468,30 @@ def test_a_page_that_is_opened_leaves_others_their_turns(tmp_path: Path) -> None
 
 
 def test_one_browser_operates_and_the_others_watch(tmp_path: Path) -> None:
-    desk = ScriptedDesk(LAB)
+    service = ScriptedService(LAB)
 
     async def body() -> None:
-        async with opened(desk, tmp_path) as first:
+        async with opened(service, tmp_path) as first:
             assert first.shows("you operate (browser 1)")
             transport = httpx.ASGITransport(core.app)
-            second = Rig(User(httpx.AsyncClient(transport=transport, base_url="http://test")), first.hub, desk)
+            second = Rig(User(httpx.AsyncClient(transport=transport, base_url="http://test")), first.hub, service)
             await second.user.open("/")
             await second.look()
             assert second.shows("browser 1 operates, you watch")
             await second.click("Switch off")
-            assert not desk.asked
-            assert second.shows("browser 1 operates the machine: ask, or take over")
+            assert not service.asked
+            assert second.shows("browser 1 operates the machine until it gives up or its page is gone")
+            assert not second.shows("Operate")
             assert await second.press("stop", "a") == {"told": True}
             assert await second.press("emergency_stop", "b") == {"told": True}
-            assert desk.calls == [("stop", "browser 2", "a"), ("emergency_stop", "browser 2", "b")]
-            await second.click("Take over")
+            assert service.calls == [("stop", "browser 2", "a"), ("emergency_stop", "browser 2", "b")]
+            await first.click("Give up")
+            assert second.shows("nobody operates")
+            await second.click("Operate")
             assert second.shows("you operate (browser 2)")
             assert first.shows("browser 2 operates, you watch")
             await second.click("Switch off")
-            assert isinstance(desk.asked[-1][1], Disable)
+            assert isinstance(service.asked[-1][1], Disable)
             await second.click("Give up")
             assert first.shows("nobody operates")
             await first.click("Operate")
@@ -503,23 +507,23 @@ def test_a_reload_keeps_the_operators_place(on_page: OnPage) -> None:
         await rig.user.open("/")  # the same tab
         await rig.look()
         first.delete()
-        assert ("gone", rig.user.tab_id) not in rig.desk.calls
+        assert ("gone", rig.user.tab_id) not in rig.service.calls
         assert rig.shows("you operate (browser 1)")
         assert rig.user.client
         rig.user.client.delete()
-        assert ("gone", rig.user.tab_id) in rig.desk.calls
-        assert rig.desk.operators.holder is None
+        assert ("gone", rig.user.tab_id) in rig.service.calls
+        assert rig.service.operator.holder is None
 
     on_page(body)
 
 
 def test_a_refusal_is_shown_and_logged(on_page: OnPage) -> None:
     async def body(rig: Rig) -> None:
-        rig.desk.refusal = "home: busy: spiral"
+        rig.service.refusal = "home: busy: spiral"
         await rig.click("home th2")
         assert any("home: busy: spiral" in message for message in rig.user.notify.messages)
         assert rig.shows("refused to browser 1: home: busy: spiral")
-        rig.desk.refusal = None
+        rig.service.refusal = None
         await rig.click("home th2")
 
     assert [command for _, command in on_page(body).asked] == [HomeJoint(joint="th2")]
@@ -537,14 +541,14 @@ def test_a_held_button_beats_and_is_released(on_page: OnPage) -> None:
         await rig.emit("jog_beat", press=9, what="phi", sign=1)
         await rig.emit("jog_release", press=9)
         tab = rig.user.tab_id
-        assert rig.desk.beats == [
+        assert rig.service.beats == [
             (tab, 7, JointJog("th2", -0.2 * LAB.joint("th2").speed_max)),
             (tab, 8, ToolJog("z", 250.0)),
             (tab, 9, ToolJog("phi", 90.0)),
         ]
-        assert rig.desk.calls == [("release", tab, 9)]
+        assert rig.service.calls == [("release", tab, 9)]
         await rig.click("jog th2 backward")  # a click without a step chosen is no command
-        assert not rig.desk.asked
+        assert not rig.service.asked
 
     on_page(body)
 
@@ -556,7 +560,7 @@ def test_a_six_axis_arm_is_jogged_along_and_about_its_own_axes(on_page: OnPage) 
         await rig.emit("jog_beat", press=1, what="rz", sign=-1)
         rig.find("axes that the tool moves along", ui.toggle).set_value(StepFrame.TOOL)
         await rig.emit("jog_beat", press=2, what="rz", sign=1)
-        assert rig.desk.beats == [
+        assert rig.service.beats == [
             (tab, 1, ToolJog("rz", -18.0, StepFrame.WORLD)),
             (tab, 2, ToolJog("rz", 18.0, StepFrame.TOOL)),
         ]
@@ -564,14 +568,14 @@ def test_a_six_axis_arm_is_jogged_along_and_about_its_own_axes(on_page: OnPage) 
         await rig.click("jog x backward")
         assert rig.asked == [StepTool({"x": -10.0}, 20, StepFrame.TOOL)]
 
-    on_page(body, ScriptedDesk(load_robot("ar4-mk3")))
+    on_page(body, ScriptedService(load_robot("ar4-mk3")))
 
 
 def test_a_refused_jog_is_told_once_a_press(on_page: OnPage, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(visitor, "_ONCE_S", 0.0)
 
     async def body(rig: Rig) -> None:
-        rig.desk.refusal = "jog z: th2 not homed: home the machine first"
+        rig.service.refusal = "jog z: th2 not homed: home the machine first"
         for press in (1, 1, 1, 2):
             await rig.emit("jog_beat", press=press, what="z", sign=1)
         told = [message for message in rig.user.notify.messages if "not homed" in message]
@@ -680,7 +684,7 @@ def test_the_orientation_of_a_six_axis_arm_is_written_as_a_user_likes(on_page: O
         rig.find("how the orientation is written", ui.toggle).set_value("abc_deg")
         assert rig.first("abc_b").value == pytest.approx(45.0, abs=1e-3)
 
-    on_page(body, ScriptedDesk(load_robot("ar4-mk3")))
+    on_page(body, ScriptedService(load_robot("ar4-mk3")))
 
 
 def test_positions_are_saved_gone_to_and_deleted(on_page: OnPage, tmp_path: Path) -> None:
@@ -697,7 +701,7 @@ def test_positions_are_saved_gone_to_and_deleted(on_page: OnPage, tmp_path: Path
         rig.find("name", ui.input).set_value("no name")
         await rig.click("Save present position")
         assert rig.shows("is not a position's name")
-        rig.desk.show_joints(homed=False)
+        rig.service.show_joints(homed=False)
         rig.find("name", ui.input).set_value("lost")
         await rig.click("Save present position")
         assert rig.shows("nothing to save: not every joint is homed")
@@ -774,29 +778,29 @@ def test_an_uploaded_file_passes_the_same_checks(name: str, content: str, words:
 
 
 def test_the_planned_path_is_the_same_in_every_browser_and_a_watchers_preview_is_its_own(tmp_path: Path) -> None:
-    desk = ScriptedDesk(LAB)
+    service = ScriptedService(LAB)
 
     async def body() -> None:
-        async with opened(desk, tmp_path) as first:
+        async with opened(service, tmp_path) as first:
             transport = httpx.ASGITransport(core.app)
-            second = Rig(User(httpx.AsyncClient(transport=transport, base_url="http://test")), first.hub, desk)
+            second = Rig(User(httpx.AsyncClient(transport=transport, base_url="http://test")), first.hub, service)
             await second.user.open("/")
             await second.look()
             await second.click("Preview")
             await second.until(lambda: second.find("Run").enabled)
-            assert desk.drawing.path_mm.size == 0
+            assert service.drawing.path_mm.size == 0
             await first.click("Preview")
             await first.until(lambda: first.find("Run").enabled)
-            assert desk.drawing.path_mm.shape == (600, 3)
-            desk.drawing.follow(desk.now.pose)
+            assert service.drawing.path_mm.shape == (600, 3)
+            service.drawing.follow(service.now.pose)
             await first.click("Run")
-            assert desk.drawing.trace_mm.size == 0  # of this run alone
+            assert service.drawing.trace_mm.size == 0  # of this run alone
             first.find("tool's angle psi", ui.number).set_value(10.0)
-            assert desk.drawing.path_mm.shape == (600, 3)  # it runs
+            assert service.drawing.path_mm.shape == (600, 3)  # it runs
             await first.click("Preview")
             await first.until(lambda: first.find("Run").enabled)
             first.find("tool's angle psi", ui.number).set_value(20.0)
-            assert desk.drawing.path_mm.size == 0  # of a motion that nobody wants any more
+            assert service.drawing.path_mm.size == 0  # of a motion that nobody wants any more
 
     asyncio.run(body())
 
@@ -875,27 +879,27 @@ def test_errors_look_like_errors_and_buttons_without_work_ask_for_nothing(on_pag
     async def body(rig: Rig) -> None:
         assert not rig.find("Switch on").enabled  # the drives are
         assert rig.find("Switch off").enabled
-        rig.desk.show_joints(state="off")
+        rig.service.show_joints(state="off")
         await rig.look()
         assert rig.find("Switch on").enabled
         assert not rig.find("Switch off").enabled
-        rig.desk.show(emergency_stopped=True)
+        rig.service.show(emergency_stopped=True)
         await rig.look()
         assert not rig.find("Switch on").enabled  # before the reset
-        rig.desk.show(emergency_stopped=False)
+        rig.service.show(emergency_stopped=False)
         await rig.click("Preview")
         await rig.until(lambda: rig.find("Run").enabled)
-        rig.desk.show(activity=Activity("home", 0.5, paused=False, pausable=False))
+        rig.service.show(activity=Activity("home", 0.5, paused=False, pausable=False))
         await rig.look()
         assert not rig.find("Run").enabled
         assert not rig.find("Move").enabled
-        rig.desk.show(activity=None)
+        rig.service.show(activity=None)
         await rig.look()
         assert rig.find("Run").enabled
         assert rig.find("Move").enabled
-        rig.desk.over = "the page has fallen silent: press the button again"
+        rig.service.over = "the page has fallen silent: press the button again"
         await rig.emit("jog_release", press=3)
-        assert rig.user.notify.messages == [rig.desk.over]
+        assert rig.user.notify.messages == [rig.service.over]
 
     on_page(body)
 
@@ -912,16 +916,16 @@ def test_outputs_are_switched_and_inputs_shown(on_page: OnPage) -> None:
         assert isinstance(command, SwitchOutput)
         assert (command.output, command.on) == ("magnet", True)
         before = rig.texts().count("on")
-        rig.desk.show(outputs=dict.fromkeys(robot.outputs, True))
+        rig.service.show(outputs=dict.fromkeys(robot.outputs, True))
         await rig.look()
         assert rig.texts().count("on") == before + len(robot.outputs)
 
-    on_page(body, ScriptedDesk(robot))
+    on_page(body, ScriptedService(robot))
 
 
 def test_only_changed_settings_are_written(on_page: OnPage) -> None:
-    desk = ScriptedDesk(LAB)
-    desk.limits.settings = (
+    service = ScriptedService(LAB)
+    service.limits.settings = (
         Setting("th2.speed_max", "th2", "Highest speed", "deg/s", 60.0, 1.0, 90.0, (), stored=False),
         Setting("idle", None, "Current at rest", "%", 50.0, 20.0, 100.0, (20.0, 50.0, 100.0), stored=True),
     )
@@ -942,7 +946,7 @@ def test_only_changed_settings_are_written(on_page: OnPage) -> None:
         assert isinstance(command, WriteSettings)
         assert command.values == {"th2.speed_max": 45.0, "idle": 20.0}
 
-    on_page(body, desk)
+    on_page(body, service)
 
 
 def test_a_run_that_has_ended_shows_its_verdict(on_page: OnPage) -> None:
@@ -950,11 +954,11 @@ def test_a_run_that_has_ended_shows_its_verdict(on_page: OnPage) -> None:
 
     async def body(rig: Rig) -> None:
         assert rig.shows("No run has ended yet.")
-        rig.desk.kept_results = (stopped,)
+        rig.service.kept_results = (stopped,)
         await rig.look()
         assert rig.shows("did not end")
         assert rig.shows("stopped by an operator")
-        rig.desk.kept_results = (stopped, replace(stopped, number=2, passed=False, why=None))
+        rig.service.kept_results = (stopped, replace(stopped, number=2, passed=False, why=None))
         await rig.look()
         assert rig.shows("ended elsewhere")
         await rig.click("show run 1")
@@ -970,7 +974,7 @@ def test_the_pictures_of_a_run_show_its_end_and_its_errors_in_steps(on_page: OnP
     errors = tuple(Placed(np.array([1.0, 18.5]), np.zeros(2), np.array([0.0, 0.25 * i])) for i in range(4))
 
     async def body(rig: Rig) -> None:
-        rig.desk.kept_results = (Result(1, 0.0, "spiral", True, None, outcome, errors),)
+        rig.service.kept_results = (Result(1, 0.0, "spiral", True, None, outcome, errors),)
         await rig.look()
         positions, differences = (each.options for each in rig.elements() if isinstance(each, ui.echart))
         assert positions["series"][0]["data"][-1][0] == pytest.approx(spiral.trajectory.duration_s)
@@ -982,10 +986,10 @@ def test_the_pictures_of_a_run_show_its_end_and_its_errors_in_steps(on_page: OnP
 
 def test_a_board_that_falls_behind_is_told_of(on_page: OnPage) -> None:
     async def body(rig: Rig) -> None:
-        rig.desk.show(stood_percent=4.9)
+        rig.service.show(board=BoardFigures(stood_percent=4.9))
         await rig.look()
         assert not any("falls behind" in text for text in rig.texts())
-        rig.desk.show(stood_percent=12.4)
+        rig.service.show(board=BoardFigures(stood_percent=12.4))
         await rig.look()
         assert any("its clock stood for 12 % of the last 5 s" in text for text in rig.texts())
 

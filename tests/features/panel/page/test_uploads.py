@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("nicegui", reason="the extra `panel` is not installed")
 
-from steptwin.features.panel.page.motions import plan_upload
+from steptwin.features.panel.page.motions import UploadedMotion, plan_upload
 from steptwin.features.panel.page.uploads import companions, to_run
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot
@@ -22,14 +22,16 @@ def program(robot: str = "teaching-scara.toml") -> bytes:
 
 def refusal(name: str, content: bytes, **beside: bytes) -> str:
     with pytest.raises(InputError) as refused:
-        plan_upload(ROBOT, name, content, None, beside={f"{stem}.toml": data for stem, data in beside.items()})
+        plan_upload(
+            UploadedMotion(ROBOT, name, content, None, beside={f"{stem}.toml": beside[stem] for stem in beside})
+        )
     return str(refused.value)
 
 
 def test_a_program_with_its_files() -> None:
     """The robot's file is the machine's own, as if it lay beside the program."""
     for robot in ("teaching-scara.toml", "../../teaching-scara.toml"):
-        plan, _ = plan_upload(ROBOT, "p.toml", program(robot), None, beside={"park.toml": PARK})
+        plan, _ = plan_upload(UploadedMotion(ROBOT, "p.toml", program(robot), None, beside={"park.toml": PARK}))
         assert plan.trajectory.positions(np.array([2.0]))[0].tolist() == pytest.approx([2.0, 10.0, 0.0, 0.0])
 
 
@@ -64,8 +66,10 @@ def test_gcode_alone_and_in_a_program() -> None:
     x_mm, y_mm = 100.0, 100.0
     content = f"G21 G90\nG0 X{x_mm} Y{y_mm} Z-40\nG1 Y{y_mm + 40} F1200\n".encode()
     own = b'[[step]]\ngcode = "n/part.nc"\n'
-    plans = [plan_upload(ROBOT, name, content, None)[0] for name in ("part.nc", 'p"\n.ngc', "part.GCODE")]
-    plans.append(plan_upload(ROBOT, "p.toml", own, None, beside={"part.nc": content})[0])
+    plans = [
+        plan_upload(UploadedMotion(ROBOT, name, content, None))[0] for name in ("part.nc", 'p"\n.ngc', "part.GCODE")
+    ]
+    plans.append(plan_upload(UploadedMotion(ROBOT, "p.toml", own, None, beside={"part.nc": content}))[0])
     for plan in plans:
         end = plan.trajectory.positions(np.array([plan.trajectory.duration_s]))
         assert tool_places_mm(make_kinematics(ROBOT), end)[0, :2].tolist() == pytest.approx([x_mm, y_mm + 40])

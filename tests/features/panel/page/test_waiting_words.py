@@ -4,8 +4,8 @@ import pytest
 
 pytest.importorskip("nicegui", reason="the extra `panel` is not installed")
 
-from steptwin.features.panel.desk.state import Activity
 from steptwin.features.panel.page.header import activity_words
+from steptwin.features.panel.service.snapshots import Activity
 
 
 @pytest.mark.parametrize(

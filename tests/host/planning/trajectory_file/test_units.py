@@ -218,9 +218,9 @@ def test_what_fits_in_no_other_units_is_still_asked(tmp_path: Path) -> None:
 def test_the_page_asks_with_the_titles_of_its_own_choice(tmp_path: Path) -> None:
     motions = pytest.importorskip("steptwin.features.panel.page.motions")
     content = Path(csv(tmp_path, "rad", "m")).read_bytes()
-    upload = partial(motions.plan_upload, ROBOT, "mine.csv", content)
-    _, told = upload(1.0)
+    upload = partial(motions.UploadedMotion, ROBOT, "mine.csv", content)
+    _, told = motions.plan_upload(upload(1.0))
     assert "Is it in s, mm and degrees? “radians, m” fits, too: angles are then 57.3 times" in told
-    planned, told = upload(1.0, "rad,m")
+    planned, told = motions.plan_upload(upload(1.0, "rad,m"))
     assert told is None
     assert planned.trajectory.positions(np.array(TIMES_S)) == pytest.approx(np.array(DEG_MM), abs=1e-9)

@@ -187,7 +187,7 @@ def test_the_command(served: ServedBoard, client: ControlClient, capsys: pytest.
         ("wire", "th2", "clk", "low"): "wire: 'clk' is not one of step, dir, enable",
         ("wire", "th2", "step", "noisy"): "rate_hz: is missing: a noisy wire has rate_hz and width_us",
         ("brown-out", "0"): "for_ms: 0 is below 1",
-        ("loss", "recrods"): "frames 'recrods' is unknown: did you mean records?",
+        ("loss", "recrods"): "frames: 'recrods' is unknown: did you mean records?",
         ("delay", "sync", "0"): "by_s: 0.000000 s is outside 1e-06..86400 s; the nearest is 1e-06 s",
         ("babble", "0", "data=", "100", "1000000000"): "count: 1000000000 is not a whole number up to 1000000",
         ("babble", "0", "data=", "46", "1"): "period_us: 46 is below 47",

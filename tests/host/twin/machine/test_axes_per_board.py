@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.machine.boards import board_configs, check_axes_per_board
-from steptwin.host.twin.machine.machine_options import read_axes_per_board
+from steptwin.host.twin.machine.machine_options import MachineOptions, read_axes_per_board
 from tests.messages import refusing
 
 
@@ -59,8 +59,8 @@ def test_the_numbers_offered_are_valid(counts: list[int], axes: int) -> None:
 def test_switches_and_positions_go_to_their_boards() -> None:
     """Axis numbers begin at 0 on each board; node ids continue from board to board."""
     robot = load_robot("warehouse-scara")
-    (whole,) = board_configs(robot, robot.home, [6])
-    first, second = board_configs(robot, robot.home, [4, 2])
+    (whole,) = board_configs(robot)
+    first, second = board_configs(robot, MachineOptions(axes_per_board=[4, 2]))
     assert (first.axis_count, first.first_node_id) == (4, 0x10)
     assert (second.axis_count, second.first_node_id) == (2, 0x14)
     assert first.start_substeps + second.start_substeps == whole.start_substeps
@@ -68,5 +68,5 @@ def test_switches_and_positions_go_to_their_boards() -> None:
     assert [(axis, switch.input, switch.from_substeps, switch.to_substeps) for axis, switch in of_both] == [
         (switch.axis, switch.input, switch.from_substeps, switch.to_substeps) for switch in whole.switches
     ]
-    with refusing(ValueError):
-        board_configs(robot, robot.home, [4, 3])
+    with refusing(InputError):
+        board_configs(robot, MachineOptions(axes_per_board=[4, 3]))

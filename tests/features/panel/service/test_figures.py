@@ -1,7 +1,7 @@
-"""What the desk makes of a served board's figures: how much of the time its clock stands."""
+"""What the service makes of a served board's figures: how much of the time its clock stands."""
 
-from steptwin.features.panel.desk.desk import ClockWatch
-from steptwin.features.panel.desk.history import EventLog
+from steptwin.features.panel.service.history import EventLog
+from steptwin.features.panel.service.service import ClockWatch
 from steptwin.host.common.processes import ClockStood
 
 

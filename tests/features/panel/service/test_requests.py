@@ -1,16 +1,15 @@
-"""What is asked of the desk, without a machine: commands, stops, operators; and its events and history."""
+"""What is asked of the service, without a machine: commands, stops, operators; and its events and history."""
 
 import numpy as np
 import pytest
 
-from steptwin.features.panel.desk.commands import DeclareHere, Enable, ResetFaults
-from steptwin.features.panel.desk.history import EVENTS_MAX, EventLog, History, Severity
-from steptwin.features.panel.desk.jogs import Jog, JointJog
-from steptwin.features.panel.desk.requests import Command, Operators, Order
-from steptwin.features.panel.desk.state import DeskState
-from steptwin.features.panel.desk.stops import Stop, StopAskedError, StopRequests
-from steptwin.features.panel.desk.words import RefusedError
+from steptwin.features.panel.service.commands import Command, DeclareHere, Enable, Jog, JointJog, ResetFaults
+from steptwin.features.panel.service.guards import OperatorPlace, Stop, StopAskedError, StopRequests
+from steptwin.features.panel.service.history import EVENTS_MAX, EventLog, History, Severity
+from steptwin.features.panel.service.messages import RefusedError
+from steptwin.features.panel.service.service import MachineService, Order
 from steptwin.host.robots import load_robot
+from tests.features.panel.service.rig import connection
 from tests.messages import refusing
 
 
@@ -23,7 +22,7 @@ def test_every_command_has_a_title_and_is_performed() -> None:
 
 
 def test_one_command_waits_until_it_is_taken_or_dropped() -> None:
-    state = DeskState(load_robot("lab-scara"))
+    state = MachineService(connection(0), load_robot("lab-scara"))
     first = Order(Enable(), 3)
     state.order(first)
     assert state.activity is not None
@@ -44,7 +43,7 @@ def test_one_command_waits_until_it_is_taken_or_dropped() -> None:
 
 
 def test_a_command_goes_before_a_held_button() -> None:
-    state = DeskState(load_robot("lab-scara"))
+    state = MachineService(connection(0), load_robot("lab-scara"))
     state.presses.beat("a", 1, JointJog("th2", 10.0))
     state.order(Order(Enable(), 3))
     assert isinstance(state.take(), Order)
@@ -55,10 +54,10 @@ def test_a_command_goes_before_a_held_button() -> None:
 
 
 def test_another_operator_ends_what_was_asked_for_before() -> None:
-    state = DeskState(load_robot("lab-scara"))
+    state = MachineService(connection(0), load_robot("lab-scara"))
     number = state.shown.add()
     state.presses.beat("a", 1, JointJog("th2", 10.0))
-    state.operators.take("b", "Bob")
+    state.operator.take("b", "Bob")
     assert state.presses.present is None
     assert state.presses.release("a", 1) == "another client operates the machine"
     with refusing(RefusedError):
@@ -117,7 +116,7 @@ def test_a_press_that_comes_again_is_known() -> None:
 def test_one_client_operates() -> None:
     changes: list[bool] = []
     events = EventLog()
-    operators = Operators(events, lambda: changes.append(True))
+    operators = OperatorPlace(events, lambda: changes.append(True))
     with refusing(RefusedError):
         operators.require("a")
     operators.take("a", "Ann")
@@ -130,12 +129,14 @@ def test_one_client_operates() -> None:
     operators.give_up("b")
     assert operators.is_operator("a")
     assert len(changes) == 1
-    operators.take("b", "Bob", over=True)
-    assert (operators.is_operator("a"), operators.is_operator("b"), len(changes)) == (False, True, 2)
+    operators.give_up("a")
+    operators.take("b", "Bob")
+    assert (operators.is_operator("a"), operators.is_operator("b"), len(changes)) == (False, True, 3)
     operators.give_up("b")
-    assert (operators.holder, len(changes)) == (None, 3)
-    told = ["Ann operates the machine", "Bob takes over from Ann", "Bob no longer operates the machine"]
-    assert [event.text for event in events.since()] == told
+    assert (operators.holder, len(changes)) == (None, 4)
+    assert [event.text for event in events.since()] == [
+        f"{name} {what} the machine" for name in ("Ann", "Bob") for what in ("operates", "no longer operates")
+    ]
 
 
 def test_events_stay_until_they_are_cleared() -> None:

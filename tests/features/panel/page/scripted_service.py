@@ -1,4 +1,4 @@
-"""A desk without a machine: tests set its snapshot, and see what pages have asked for."""
+"""A service without a machine: tests set its snapshot, and see what pages have asked for."""
 
 import time
 from collections.abc import Iterator
@@ -8,19 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from steptwin.features.panel.desk.desk import Desk
-from steptwin.features.panel.desk.jogs import Jog
-from steptwin.features.panel.desk.requests import Command
-from steptwin.features.panel.desk.results import Result
-from steptwin.features.panel.desk.state import DeskState, JointView, Snapshot
-from steptwin.features.panel.desk.words import RefusedError
 from steptwin.features.panel.page.scene import links_at
+from steptwin.features.panel.service.commands import Command, Jog
+from steptwin.features.panel.service.messages import RefusedError
+from steptwin.features.panel.service.results import Result
+from steptwin.features.panel.service.service import MachineService
+from steptwin.features.panel.service.snapshots import JointView, Snapshot
+from steptwin.host.client.links.bus_link import Connection
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
 
-class ScriptedDesk(Desk):
-    """A desk that remembers what it is asked for.
+class ScriptedService(MachineService):
+    """A service that remembers what it is asked for.
 
     Attributes:
         now: the snapshot that pages read.
@@ -28,12 +28,12 @@ class ScriptedDesk(Desk):
         asked_from: the number of the newest snapshot that the page had shown, for each command, beat and resume.
         beats: client, press and jog of each beat.
         calls: the names of the other methods that were called, with their arguments.
-        refusal: why the desk refuses everything; None while it agrees.
+        refusal: why the service refuses everything; None while it agrees.
         over: why a press was over before it was released; None if it was not.
     """
 
     def __init__(self, robot: Robot) -> None:
-        DeskState.__init__(self, robot)
+        super().__init__(Connection("socketcand", None, None, "127.0.0.1", 1), robot)
         self.now = snapshot_of(robot)
         self.asked: list[tuple[str, Command]] = []
         self.beats: list[tuple[str, int, Jog]] = []
@@ -45,7 +45,7 @@ class ScriptedDesk(Desk):
 
     @property
     def snapshot(self) -> Snapshot:
-        holder = self.operators.holder
+        holder = self.operator.holder
         return replace(self.now, operator=holder.name if holder else None)
 
     @property
@@ -54,7 +54,7 @@ class ScriptedDesk(Desk):
 
     @contextmanager
     def _agreeing(self, client: str) -> Iterator[None]:
-        self.operators.require(client)
+        self.operator.require(client)
         if self.refusal is not None:
             raise RefusedError(self.refusal)
         yield
@@ -98,7 +98,7 @@ class ScriptedDesk(Desk):
 
     def gone(self, client: str) -> None:
         self.calls.append(("gone", client))
-        self.operators.give_up(client)
+        self.operator.give_up(client)
 
     def close(self) -> None:
         self.calls.append(("close",))

@@ -1,4 +1,4 @@
-"""Words of the desk for an error: nothing of the bus, and what a page offers in place of a program's parameters."""
+"""What pages show of an error: nothing of the bus, and what a page offers in place of a program's parameters."""
 
 import re
 from typing import Final
@@ -7,16 +7,12 @@ from steptwin.host.common.errors import InputError, StepTwinError
 
 
 class RefusedError(InputError):
-    """The desk does not do what was asked for, and nothing has changed; the message says why in one line."""
+    """The service does not do what a page requests, and nothing has changed; the message says why in one line."""
 
 
-AS_SLOW_AS_NEEDED: Final = "as slow as it must be"
-"""The speed of a run that passes whatever the limits are, as pages call it."""
-MOVE_TO_START: Final = "first move to its start"
-"""The switch that lets a run begin anywhere, as pages call it."""
-
-STANDS_THERE: Final = "Declare as position"
-"""The button that declares where the joints stand, as pages call it."""
+AS_SLOW_AS_NEEDED: Final = "as slow as it must be"  # the speed of a run that passes whatever the limits are
+MOVE_TO_START: Final = "first move to its start"  # the switch that lets a run begin anywhere
+DECLARE_POSITION: Final = "Declare as position"  # the button that declares where the joints stand
 
 _CHOICES: Final = tuple(
     (re.compile(parameter), choice)
@@ -26,7 +22,7 @@ _CHOICES: Final = tuple(
         (r"\bno stretch up to (\S+) makes it pass", r"not even \1 times slower passes"),
         (r" \((?:elbow|interpolate|ramps_s)=[^)]*\)", ""),  # the file's author chooses these
         (r"\bapproach=True moves it there first", f'switch on "{MOVE_TO_START}"'),
-        (r"the robot's file has no homing for it; declare .*", f'it has no switch: use "{STANDS_THERE}" in Move'),
+        (r"the robot's file has no homing for it; declare .*", f'it has no switch: use "{DECLARE_POSITION}" in Move'),
         (r"\brepeat=1 passes", "it can be run once"),
         (r"\brepeat=", "repetitions: "),
         (r"\bspeed_percent=", "speed: "),
@@ -39,12 +35,7 @@ _CHOICES: Final = tuple(
 """Parameters of the library in messages, and what a page offers in their place; the first that fits is taken."""
 
 
-def busy(name: str, activity: str) -> str:
-    """Return why something cannot begin while the machine does something else, or the same already."""
-    return f"{name} goes on already" if name == activity else f"{name}: not begun: {activity} goes on"
-
-
-def told(error: StepTwinError) -> str:
+def operator_message(error: StepTwinError) -> str:
     """Return what pages show of an error: what happened and what to do, in one line."""
     text = error.plain
     for parameter, choice in _CHOICES:

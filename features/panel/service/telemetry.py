@@ -21,11 +21,10 @@ from steptwin.protocol.objects import ASYNCHRONOUS
 SILENT_S: Final = 0.35
 """Time without a report after which the machine counts as lost: pages show it within 0.5 s, and at 125 kbit/s two
 reports in a row may be missing."""
-_PERIOD_MS: Final = 30
-"""Period of the reports of position and state at 500 kbit/s and above."""
+_PERIOD_MS: Final = 30  # of the reports of position and state at _FULL_RATE and above
+_FULL_RATE: Final = 500_000
 _MOTION_PERIODS: Final = 2
 """Number of these periods from one report of velocity and following error to the next; plots need no more."""
-_FULL_RATE: Final = 500_000
 _WORD_BYTES: Final = 4
 _MOTION: Final = struct.Struct("<ii")
 _INPUTS: Final = struct.Struct("<IH")
@@ -64,21 +63,32 @@ class AxisTelemetry:
         """Take a TPDO4."""
         self.inputs, self.error_code = _INPUTS.unpack(data)
 
+    def take_emergency(self, data: bytes) -> int:
+        """Take an emergency; return its code."""
+        code, register, _detail = _EMERGENCY.unpack(data)
+        if code or not register:  # "no error" with bits in the register means that another one goes on
+            self.error_code = code
+        return int(code)
 
-class Reports:
+
+class Telemetry:
     """The last reports of all axes; the receiving thread writes them, any thread may read them."""
 
     def __init__(self, session: Session, emergency: Callable[[int, int], None]) -> None:
         """Listen from now on; `emergency` is called in the receiving thread with an axis' number and an error code."""
         self.axes: tuple[AxisTelemetry, ...] = tuple(AxisTelemetry() for _ in session.machine.axes)
+
+        def take_emergency(number: int, data: bytes) -> None:
+            emergency(number, self.axes[number].take_emergency(data))
+
         for number, (axis, report) in enumerate(zip(session.machine.axes, self.axes, strict=True)):
             for cob_id, take in (
                 (COB_TPDO[0], report.take_drive),
                 (COB_TPDO[1], report.take_motion),
                 (COB_TPDO[3], report.take_inputs),
-                (COB_EMCY, partial(_take_emergency, report, partial(emergency, number))),
+                (COB_EMCY, partial(take_emergency, number)),
             ):
-                session.link.network.subscribe(cob_id + axis.node_id, _callback(take))
+                session.link.network.subscribe(cob_id + axis.node_id, partial(_received, take))
 
     @property
     def heard_s(self) -> float:
@@ -95,30 +105,17 @@ class Reports:
         """True if an axis has not reported for SILENT_S."""
         return time.monotonic() - self.heard_s > SILENT_S
 
-
-def _callback(take: Callable[[bytes], None]) -> Callable[[int, bytearray, float], None]:
-    """Return the function that the network calls with a frame; frames that cannot be decoded are dropped."""
-
-    def received(_cob_id: int, data: bytearray, _timestamp: float) -> None:
-        with suppress(ValueError, struct.error):
-            take(bytes(data))
-
-    return received
+    def ask_once(self, session: Session) -> None:
+        """Ask for what nodes report only when it changes; raise BusError if a node does not answer."""
+        for axis, report in zip(session.machine.axes, self.axes, strict=True):
+            report.inputs = axis.read(od.DIGITAL_INPUTS)
+            held = axis.read(od.EMERGENCY_STOP)
+            report.error_code = ErrorCode.ESTOP if held else axis.read(od.ERROR_CODE)
 
 
-def _take_emergency(report: AxisTelemetry, emergency: Callable[[int], None], data: bytes) -> None:
-    code, register, _detail = _EMERGENCY.unpack(data)
-    if code or not register:  # "no error" with bits in the register means that another one goes on
-        report.error_code = code
-    emergency(code)
-
-
-def ask_once(session: Session, reports: Reports) -> None:
-    """Ask for what nodes report only when it changes; raise BusError if a node does not answer."""
-    for axis, report in zip(session.machine.axes, reports.axes, strict=True):
-        report.inputs = axis.read(od.DIGITAL_INPUTS)
-        held = axis.read(od.EMERGENCY_STOP)
-        report.error_code = ErrorCode.ESTOP if held else axis.read(od.ERROR_CODE)
+def _received(take: Callable[[bytes], object], _cob_id: int, data: bytearray, _timestamp: float) -> None:
+    with suppress(ValueError, struct.error):  # a frame that cannot be decoded
+        take(bytes(data))
 
 
 # --- setting the reports up
@@ -130,36 +127,30 @@ def set_up_reports(session: Session) -> bool:
     It must wait while another program is in charge or an axis moves: a node takes the parameters of its reports only in
     PRE-OPERATIONAL, where it executes no process data. A board that has them already is left as it is.
     """
-    await_reports(session.link, session.machine.axes)
+    axes = session.machine.axes
+    await_reports(session.link, axes)
     if session.streaming:
         return False
     period_ms = _PERIOD_MS * max(1, _FULL_RATE // session.robot.board.bitrate)
-    wanted = [(axis, _objects(axis.node_id, period_ms)) for axis in session.machine.axes]
+    wanted = [(axis, _objects(axis.node_id, period_ms)) for axis in axes]
     try:
         if all(_reports(axis, objects) for axis, objects in wanted):
             return True
-        if not all(map(_rests, session.machine.axes)):
+        if not all(at_rest(axis.read(od.STATUSWORD), axis.read(od.MODE_OF_OPERATION_DISPLAY)) for axis in axes):
             return False
         with session.alone("reports"):
             session.link.network.nmt.state = "PRE-OPERATIONAL"
             for axis, objects in wanted:
                 for address, value in objects:
                     axis.write(address, value)
-            _start_in_turn(session, period_ms)
+            # One after the other, so that the reports are spread over the period: a board that had to send them all at
+            # once would be late with other things.
+            for axis in axes:
+                axis.start_node()
+                session.link.wait(period_ms / 1000 / len(axes))
     except BusError:  # another program is in charge; a node that does not answer is soon missed in any case
         return False
     return True
-
-
-def _start_in_turn(session: Session, period_ms: int) -> None:
-    """Bring the nodes to OPERATIONAL, from where their timers run, so that their reports are spread over the period.
-
-    A board that had to send them all at once would be late with other things.
-    """
-    axes = session.machine.axes
-    for axis in axes:
-        axis.start_node()
-        session.link.wait(period_ms / 1000 / len(axes))
 
 
 def _objects(node_id: int, period_ms: int) -> Objects:
@@ -187,7 +178,3 @@ def _reports(axis: AxisClient, objects: Objects) -> bool:
     """Return whether a node is OPERATIONAL and its reports have these parameters; of several values the last counts."""
     operational = bool(axis.read(od.STATUSWORD) & Status.REMOTE)
     return operational and all(axis.read(address) == value for address, value in dict(objects).items())
-
-
-def _rests(axis: AxisClient) -> bool:
-    return at_rest(axis.read(od.STATUSWORD), axis.read(od.MODE_OF_OPERATION_DISPLAY))

@@ -2,14 +2,7 @@
 
 import pytest
 
-from steptwin.features.panel.desk.settings import (
-    DRIVE_SETTINGS,
-    DriveSetting,
-    drive_setting,
-    drive_settings,
-    read_drive_setting,
-    write_drive_setting,
-)
+from steptwin.features.panel.service.settings import DRIVE_SETTINGS, DriveSetting, drive_setting, drive_settings
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.session import Session
 from steptwin.host.robots import load_robot
@@ -21,25 +14,25 @@ from tests.messages import refusing
 @pytest.mark.parametrize("setting", DRIVE_SETTINGS, ids=lambda setting: setting.key)
 def test_what_is_written_is_read_again(session: Session, setting: DriveSetting) -> None:
     """Both ends of the range are allowed, and what is just outside is not; the board takes all of them."""
-    before = read_drive_setting(session, setting)
+    before = setting.read(session)
     assert len(set(before)) == 1
     joint = None if setting.shared else "th1"
     for value in (setting.lower, setting.upper):
-        write_drive_setting(session, setting, value, joint)
+        setting.write(session, value, joint)
         wanted = [value if joint is None or axis == TH1 else before[axis] for axis in range(6)]
-        assert list(read_drive_setting(session, setting)) == wanted
+        assert list(setting.read(session)) == wanted
     for value in (setting.lower - 0.1, setting.upper + 0.1):
         with refusing(InputError):
-            write_drive_setting(session, setting, value, joint)
+            setting.write(session, value, joint)
 
 
 def test_a_motion_begins_with_the_settings_that_were_written(session: Session) -> None:
     """Taking charge writes what the robot's file says, and leaves the rest."""
     torque = drive_setting("torque", session.robot)
-    write_drive_setting(session, torque, 50.0, "th1")
+    torque.write(session, 50.0, "th1")
     with session.charge("nothing") as charge:
         charge.enable()
-        assert read_drive_setting(session, torque)[TH1] == 50.0
+        assert torque.read(session)[TH1] == 50.0
 
 
 def test_an_unknown_setting_is_refused() -> None:

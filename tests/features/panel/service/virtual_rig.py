@@ -1,4 +1,4 @@
-"""A desk on an embedded board, in virtual time: the desk's worker and the test take turns, so nothing waits.
+"""A service on an embedded board, in virtual time: the service's worker and the test take turns, so nothing waits.
 
 The worker runs in its own thread, as always. In each of its waits virtual time passes, and the test goes on until it
 lets time pass itself. Never do both run, so that a test sees the same every time, however busy the computer is.
@@ -15,17 +15,16 @@ from typing import Final
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.features.panel.desk.desk import Desk
-from steptwin.features.panel.desk.jogs import Presses
-from steptwin.features.panel.desk.stops import ShownStates, StopRequests
+from steptwin.features.panel.service.guards import Presses, ShownStates, StopRequests
+from steptwin.features.panel.service.service import MachineService
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.machine.machine_options import MachineOptions
-from tests.features.panel.desk.rig import HERE, ROBOT, Rig, connection
+from tests.features.panel.service.rig import HERE, ROBOT, Rig, connection
 
 LONGEST_S: Final = 120.0
 """Virtual time after which what a test waits for has failed to come."""
-_TIMED: Final = ("commands", "desk", "publisher", "reports", "results", "state", "worker")
-"""Modules of the desk that look at the clock."""
+_TIMED: Final = ("commands", "connected", "results", "service", "snapshots", "telemetry")
+"""Modules of the service that look at the clock."""
 
 
 class Turns:
@@ -36,31 +35,31 @@ class Turns:
         self._over = False
 
     def give(self) -> None:
-        """Let the worker run until it waits; called by the test."""
+        """Let the service's thread run until it waits; called by the test."""
         self._worker.release()
         self.await_worker()
 
     def await_worker(self) -> None:
-        """Wait until the worker waits."""
-        assert self._test.acquire(timeout=60.0), "the desk's worker has ended or hangs"
+        """Wait until the service's thread waits."""
+        assert self._test.acquire(timeout=60.0), "the service's worker has ended or hangs"
 
     def take(self) -> None:
-        """Wait for the next turn; called by the worker."""
+        """Wait for the next turn; called by the service's thread."""
         if not self._over:
             self._test.release()
             self._worker.acquire()
 
     def end(self) -> None:
-        """Let the worker run on without the test."""
+        """Let the service's thread run on without the test."""
         self._over = True
         self._worker.release()
 
 
 class VirtualLink:
-    """What the worker's link is to a bus, on an embedded board."""
+    """What the service's link is to a bus, on an embedded board."""
 
     def __init__(self, board: EmbeddedBoard, turns: Turns, _bus: None, _title: str, stops: StopRequests) -> None:
-        """Open the link in the worker's thread; nothing is done with the bus."""
+        """Open the link in the service's thread; nothing is done with the bus."""
         self._board = board
         self._turns = turns
         self._stops = stops
@@ -97,8 +96,8 @@ class VirtualLink:
 class VirtualRig(Rig):
     """A Rig on an embedded board."""
 
-    def __init__(self, board: EmbeddedBoard, desk: Desk, turns: Turns) -> None:
-        super().__init__(board, desk)
+    def __init__(self, board: EmbeddedBoard, service: MachineService, turns: Turns) -> None:
+        super().__init__(board, service)
         self.board = board
         self._turns = turns
 
@@ -119,22 +118,23 @@ class VirtualRig(Rig):
 
 @contextmanager
 def virtual_rig(kernel: Kernel) -> Iterator[VirtualRig]:
-    """Open a desk at a board in virtual time while the block runs."""
+    """Open a service at a board in virtual time while the block runs."""
     board, turns = EmbeddedBoard(ROBOT, kernel, MachineOptions(stand_at=list(HERE))), Turns()
     with pytest.MonkeyPatch.context() as patch:
         clock = SimpleNamespace(monotonic=board.now_s, time=board.now_s)
         for name in _TIMED:
-            patch.setattr(import_module(f"steptwin.features.panel.desk.{name}"), "time", clock)
-        patch.setattr("steptwin.features.panel.desk.state.Presses", partial(Presses, now_s=board.now_s))
-        patch.setattr("steptwin.features.panel.desk.state.ShownStates", partial(ShownStates, board.now_s))
-        patch.setattr("steptwin.features.panel.desk.worker.open_bus", lambda _: None)
-        patch.setattr("steptwin.features.panel.desk.worker.DeskLink", partial(VirtualLink, board, turns))
-        desk = Desk(connection(0), ROBOT)
+            patch.setattr(import_module(f"steptwin.features.panel.service.{name}"), "time", clock)
+        patch.setattr("steptwin.features.panel.service.service.Presses", partial(Presses, now_s=board.now_s))
+        patch.setattr("steptwin.features.panel.service.service.ShownStates", partial(ShownStates, board.now_s))
+        patch.setattr("steptwin.features.panel.service.service.open_bus", lambda _: None)
+        patch.setattr("steptwin.features.panel.service.service.ServiceLink", partial(VirtualLink, board, turns))
+        service = MachineService(connection(0), ROBOT)
+        service.start()
         turns.await_worker()
         try:
-            made = VirtualRig(board, desk, turns)
-            made.await_true(lambda: desk.snapshot.connected, "connected")
+            made = VirtualRig(board, service, turns)
+            made.await_true(lambda: service.snapshot.connected, "connected")
             yield made
         finally:
             turns.end()
-            desk.close()
+            service.close()

@@ -1,4 +1,4 @@
-"""A board and a desk in this process: what a page asks for, without a page."""
+"""A board and a service in this process: what a page asks for, without a page."""
 
 import time
 from collections.abc import Callable
@@ -6,11 +6,10 @@ from collections.abc import Callable
 import numpy as np
 
 from steptwin.features.faults.kinds.machine import EmergencyStop
-from steptwin.features.panel.desk.commands import DeclareHere, MoveJoints, ResetFaults
-from steptwin.features.panel.desk.desk import Desk
-from steptwin.features.panel.desk.jogs import BEAT_S, Jog
-from steptwin.features.panel.desk.requests import Command
-from steptwin.features.panel.desk.words import RefusedError
+from steptwin.features.panel.service.commands import Command, DeclareHere, Jog, MoveJoints, ResetFaults
+from steptwin.features.panel.service.guards import BEAT_S
+from steptwin.features.panel.service.messages import RefusedError
+from steptwin.features.panel.service.service import MachineService
 from steptwin.host.client.links.bus_link import Connection
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
@@ -30,42 +29,43 @@ def connection(port: int | None) -> Connection:
     return Connection("socketcand", None, None, "127.0.0.1", port)
 
 
-def counts(desk: Desk) -> bool:
+def counts(service: MachineService) -> bool:
     """Return whether commands may be asked for from the newest snapshot."""
     try:
-        desk.require_shown("look", desk.snapshot.number)
+        service.require_shown("look", service.snapshot.number)
     except RefusedError:
         return False
     return True
 
 
 class Rig:
-    """A desk with an operator, Ann, on a machine that knows its position."""
+    """A service with an operator, Ann, on a machine that knows its position."""
 
-    def __init__(self, served: ServedBoard | EmbeddedBoard, desk: Desk) -> None:
+    def __init__(self, served: ServedBoard | EmbeddedBoard, service: MachineService) -> None:
         self.served = served
-        self.desk = desk
+        self.service = service
         self._press = 0
 
     def ready(self) -> None:
         """Bring the machine to HERE, enabled, whatever a test has left behind."""
-        desk = self.desk
+        service = self.service
         self.served.operate(EmergencyStop(pressed=False))
         self.idle()
-        desk.operators.take(ANN, "Ann", over=True)
-        if desk.snapshot.emergency_stopped or any(joint.error for joint in desk.snapshot.joints):
+        service.operator.give_up(BOB)
+        service.operator.take(ANN, "Ann")
+        if service.snapshot.emergency_stopped or any(joint.error for joint in service.snapshot.joints):
             self.do(ResetFaults())
-            self.await_true(lambda: not desk.snapshot.emergency_stopped, "reset")
-        if desk.snapshot.homed:  # declared anew, the machine would wander off to its limit switches
+            self.await_true(lambda: not service.snapshot.emergency_stopped, "reset")
+        if service.snapshot.homed:  # declared anew, the machine would wander off to its limit switches
             self.do(MoveJoints(dict(zip(ROBOT.joint_names, HERE, strict=True))))
             self.await_true(lambda: np.allclose(self.positions(), HERE, atol=0.02), "reports of the move's end")
             self.await_true(self.stands, "standstill")
         else:
             self.do(DeclareHere(HERE))
-            self.await_true(lambda: desk.snapshot.homed, "homed")
+            self.await_true(lambda: service.snapshot.homed, "homed")
 
     def now_s(self) -> float:
-        """Return the seconds on the clock by which the desk measures."""
+        """Return the seconds on the clock by which the service measures."""
         return time.monotonic()
 
     def await_true(self, condition: Callable[[], bool], what: str) -> None:
@@ -77,25 +77,25 @@ class Rig:
         time.sleep(dt_s)
 
     def idle(self) -> None:
-        """Wait until the desk is connected and has nothing to do."""
-        self.await_true(lambda: self.desk.snapshot.connected and self.desk.snapshot.activity is None, "idle")
+        """Wait until the service is connected and has nothing to do."""
+        self.await_true(lambda: self.service.snapshot.connected and self.service.snapshot.activity is None, "idle")
 
     def do(self, command: Command) -> None:
         """Ask for a command, as Ann, and wait for its end; it must not fail."""
-        before = self.desk.events.since()[-1].number
+        before = self.service.events.since()[-1].number
         self.ask(command)
         self.idle()
-        failed = [event.text for event in self.desk.events.since(before) if event.severity == "error"]
+        failed = [event.text for event in self.service.events.since(before) if event.severity == "error"]
         assert not failed
 
     def ask(self, command: Command, client: str = ANN) -> None:
         """Ask for a command from the machine as it is now; wait for that until nothing voids it any more."""
         self.fresh()
-        self.desk.ask(client, command, self.desk.snapshot.number)
+        self.service.ask(client, command, self.service.snapshot.number)
 
     def fresh(self) -> None:
         """Wait for a snapshot from after the last stop, reset or change of the operator."""
-        self.await_true(lambda: counts(self.desk), "a snapshot that counts")
+        self.await_true(lambda: counts(self.service), "a snapshot that counts")
 
     def pressed(self, jog: Jog) -> int:
         """Press a button, as Ann, and hold it until a joint has moved visibly; return the number of the press."""
@@ -112,24 +112,24 @@ class Rig:
 
     def positions(self) -> list[float]:
         """Return where the joints are, by the last reports."""
-        return [joint.position for joint in self.desk.snapshot.joints]
+        return [joint.position for joint in self.service.snapshot.joints]
 
     def hold(self, jog: Jog, until: Callable[[], bool], most_s: float = 60.0) -> None:
         """Hold the button that was pressed last until a condition, or for a time."""
         end_s = self.now_s() + most_s
         while not until() and self.now_s() < end_s:
-            self.desk.beat(ANN, self._press, jog, self.desk.snapshot.number)
+            self.service.beat(ANN, self._press, jog, self.service.snapshot.number)
             self.pass_time(BEAT_S / 2)
 
     def stands(self) -> bool:
         """Return whether every joint stands, by the last reports."""
-        return not any(joint.rate for joint in self.desk.snapshot.joints)
+        return not any(joint.rate for joint in self.service.snapshot.joints)
 
     def refusal(self, command: Command, client: str = ANN) -> str:
         """Return why a command is refused."""
         self.fresh()
         try:
-            self.desk.ask(client, command, self.desk.snapshot.number)
+            self.service.ask(client, command, self.service.snapshot.number)
         except RefusedError as error:
             return str(error)
         raise AssertionError(f"{command} was not refused")
@@ -138,11 +138,11 @@ class Rig:
         """Return why a beat is refused."""
         self.fresh()
         try:
-            self.desk.beat(client, press, jog, self.desk.snapshot.number)
+            self.service.beat(client, press, jog, self.service.snapshot.number)
         except RefusedError as error:
             return str(error)
         raise AssertionError(f"press {press} was not refused")
 
     def told(self) -> list[str]:
         """Return the texts of all events."""
-        return [event.text for event in self.desk.events.since()]
+        return [event.text for event in self.service.events.since()]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
 
-from steptwin.features.panel.desk.results import REPORTS_MAX, AxisReports, Placed, Thinned, placed, time_bounds
+from steptwin.features.panel.service.results import REPORTS_MAX, AxisReports, Placed, Thinned, placed, time_bounds
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.operate.running import AxisEnd, LiveOutcome
 from steptwin.host.planning.jobs import make_job

@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 import pytest
 
-from steptwin.features.panel.desk.stops import ShownStates
-from steptwin.features.panel.desk.words import RefusedError
-from tests.features.panel.desk.clock import Clock
+from steptwin.features.panel.service.guards import ShownStates
+from steptwin.features.panel.service.messages import RefusedError
+from tests.features.panel.service.clock import Clock
 from tests.messages import refused_with
 
 

@@ -4,9 +4,10 @@ from collections.abc import Callable
 
 import pytest
 
-from steptwin.features.panel.desk.jogs import BEAT_S, EXPIRED, LEASE_S, RELEASED, Jog, JointJog, Presses, ToolJog
-from steptwin.features.panel.desk.words import RefusedError
-from tests.features.panel.desk.clock import Clock
+from steptwin.features.panel.service.commands import Jog, JointJog, ToolJog
+from steptwin.features.panel.service.guards import BEAT_S, EXPIRED, LEASE_S, RELEASED, Presses
+from steptwin.features.panel.service.messages import RefusedError
+from tests.features.panel.service.clock import Clock
 
 JOG = JointJog("th1", 10.0)
 

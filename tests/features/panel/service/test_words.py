@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import steptwin.host.client
-from steptwin.features.panel.desk.words import told
+from steptwin.features.panel.service.messages import operator_message
 from steptwin.host.client.stopping import UNSURE, unsure
 from steptwin.host.client.words import ERRORS, HINDRANCES, STATES, error_words, hindrance_words
 from steptwin.host.common.errors import BusError, InputError
@@ -73,14 +73,18 @@ def test_no_error_shows_a_page_a_word_of_the_bus_or_of_the_command_line(room: st
     paths = [path for path in sorted((ROOT / room).rglob("*.py")) if path.parent.name not in ELSEWHERE]
     made = [each for path in paths for each in errors_in(path)]
     assert len(made) >= 2
-    shown = {place: told(error) for place, error in made if place.split(":")[0] not in ELSEWHERE}
+    shown = {place: operator_message(error) for place, error in made if place.split(":")[0] not in ELSEWHERE}
     assert {place: text for place, text in shown.items() if JARGON.search(text)} == {}
 
 
 def test_an_error_has_two_texts() -> None:
     error = BusError("th2: node 0x11 does not answer (No SDO response received)").plainly("th2 does not answer")
-    assert (str(error), error.plain, told(error)) == (error.args[0], "th2 does not answer", "th2 does not answer")
-    assert told(InputError("th2: 1 is outside 2..3")) == "th2: 1 is outside 2..3"
+    assert (str(error), error.plain, operator_message(error)) == (
+        error.args[0],
+        "th2 does not answer",
+        "th2 does not answer",
+    )
+    assert operator_message(InputError("th2: 1 is outside 2..3")) == "th2: 1 is outside 2..3"
     assert unsure(error).plain == f"th2 does not answer; {UNSURE}"
 
 
@@ -106,7 +110,7 @@ def test_an_error_has_two_texts() -> None:
     ],
 )
 def test_a_parameter_becomes_what_the_page_offers(message: str, words: str) -> None:
-    assert told(InputError(message)) == words
+    assert operator_message(InputError(message)) == words
 
 
 def test_every_state_and_error_has_words() -> None:

@@ -1,8 +1,8 @@
-"""What the desk keeps of planned path and trace."""
+"""What the service keeps of planned path and trace."""
 
 import numpy as np
 
-from steptwin.features.panel.desk.history import Drawing
+from steptwin.features.panel.service.history import Drawing
 
 
 def pose(x_mm: float) -> dict[str, float]:

@@ -5,7 +5,7 @@ from typing import cast
 
 import pytest
 
-from steptwin.features.panel.desk.publisher import _queue_fill
+from steptwin.features.panel.service.snapshots import queue_fill
 from steptwin.host.client.drive_status import DriveStatus
 from steptwin.host.operate.session import Session
 
@@ -27,4 +27,4 @@ def test_the_least_filled_queue_of_the_axes_in_motion(
     axes = [SimpleNamespace(pvt_status=None if n is None else SimpleNamespace(free=n)) for n in free]
     session = cast(Session, SimpleNamespace(machine=SimpleNamespace(axes=axes)))
     drives = [cast(DriveStatus, SimpleNamespace(interpolating=moves)) for moves in interpolating]
-    assert _queue_fill(session, drives) == fill
+    assert queue_fill(session, drives) == fill

@@ -1,4 +1,4 @@
-"""Fixtures of the tests of the desk that need an operated board."""
+"""Fixtures of the tests of the service that need an operated board."""
 
 from tests.host.operate.conftest import board, session
 

@@ -1,25 +1,91 @@
-"""The commands of the operator: power and faults, outputs and settings, homing, steps, moves and runs."""
+"""What an operator may request: power and faults, outputs and settings, homing, steps, moves, runs, and jogs."""
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import ClassVar, NamedTuple
 
-from steptwin.features.panel.desk.requests import Command, Work
-from steptwin.features.panel.desk.settings import MachineSettings, check_settings, write_settings
-from steptwin.features.panel.desk.stops import StopAskedError
-from steptwin.features.panel.desk.words import told
+from steptwin.features.panel.service.history import EventLog
+from steptwin.features.panel.service.messages import operator_message
+from steptwin.features.panel.service.results import RunResults
+from steptwin.features.panel.service.settings import MachineSettings
+from steptwin.host.client import Progress
 from steptwin.host.common.errors import InputError, StepTwinError
 from steptwin.host.operate.homing import check_homing, declare, home_robot
 from steptwin.host.operate.inputs_outputs import no_such_output, switch_output
-from steptwin.host.operate.jogging import STEP_SPEED_PERCENT, check_step, check_step_speed, step_joint, step_tool
+from steptwin.host.operate.jogging import (
+    STEP_SPEED_PERCENT,
+    check_jog,
+    check_step,
+    check_step_speed,
+    jog,
+    jog_tool,
+    step_joint,
+    step_tool,
+)
 from steptwin.host.operate.moving import Goal, check_goal, goal_by_name, joints_at, move
 from steptwin.host.operate.recovering import reset
 from steptwin.host.operate.running import check_repeatable, execute_live
+from steptwin.host.operate.session import Session
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.programs.positions import ToolPosition
-from steptwin.host.planning.tool_by_hand import StepFrame, ToolStep
+from steptwin.host.planning.tool_by_hand import StepFrame, ToolStep, check_tool_jog
 from steptwin.host.robots.robot import Robot
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """A command or a jog: checked in the thread that requests it, performed in the service's.
+
+    Positions and distances are in mm and degrees, parts of the highest speeds in percent.
+    """
+
+    named: ClassVar[str]
+    """Its title in a few words, in which {0} is the request."""
+    needs_drives: ClassVar[bool] = True
+    """True if it needs the drives: none in fault, no emergency stop."""
+    needs_homed: ClassVar[bool] = False
+    """True if every joint must know its position."""
+    jogs: ClassVar[bool] = False
+    """True if it lasts as long as a button is held."""
+
+    @property
+    def title(self) -> str:
+        """Its name in a few words."""
+        return self.named.format(self)
+
+    def check(self, limits: MachineSettings, standing: Sequence[float]) -> None:
+        """Raise InputError for a request that is wrong, or impossible from where the joints stand."""
+
+
+class Work(NamedTuple):
+    """The work of carrying out a command.
+
+    Attributes:
+        session: the machine.
+        limits: the robot's limits and all settings, which a command may change.
+        events: what has happened.
+        runs: the runs that have ended.
+        progress: call it with the part that is done.
+        seen_s: when the machine was as the operator saw it, on the clock of `time.monotonic`.
+    """
+
+    session: Session
+    limits: MachineSettings
+    events: EventLog
+    runs: RunResults
+    progress: Progress
+    seen_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Command(Request):
+    """A request that has an end of its own."""
+
+    def perform(self, work: Work) -> str:
+        """Carry the command out; return in one line what has come of it, an empty text for nothing."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +95,6 @@ class Enable(Command):
     named = "switch on"
 
     def perform(self, work: Work) -> str:
-        """Switch the drives on."""
         with work.session.charge("switch on", needs=()) as charge:
             charge.enable()
         return ""
@@ -43,7 +108,6 @@ class Disable(Command):
     needs_drives = False
 
     def perform(self, work: Work) -> str:
-        """Switch the drives off, unless they move."""
         with work.session.alone("switch off"):
             work.session.machine.disable()
         return ""
@@ -57,7 +121,6 @@ class ResetFaults(Command):
     needs_drives = False
 
     def perform(self, work: Work) -> str:
-        """Reset the faults that the operator has seen."""
         reset(work.session, age_s=time.monotonic() - work.seen_s)
         return "faults are reset, the drives are off"
 
@@ -72,13 +135,11 @@ class SwitchOutput(Command):
     on: bool
 
     def check(self, limits: MachineSettings, _standing: Sequence[float]) -> None:
-        """Raise InputError unless the output exists."""
         outputs = list(limits.robot.outputs)
         if self.output not in outputs:
             raise no_such_output(limits.robot.name, self.output, outputs)
 
     def perform(self, work: Work) -> str:
-        """Switch the output."""
         switch_output(work.session, self.output, on=self.on)
         return f"{self.output}: {'on' if self.on else 'off'}"
 
@@ -89,16 +150,13 @@ class WriteSettings(Command):
 
     named = "settings"
     needs_drives = False
-    changes_settings = True
     values: Mapping[str, float]
 
     def check(self, limits: MachineSettings, _standing: Sequence[float]) -> None:
-        """Raise InputError unless the settings exist and may have these values."""
-        check_settings(limits, self.values)
+        limits.check(self.values)
 
     def perform(self, work: Work) -> str:
-        """Write the settings to the board, and change the limits."""
-        write_settings(work.session, work.limits, self.values)
+        work.limits.write(work.session, self.values)
         return ", ".join(f"{key} = {value:g}" for key, value in self.values.items())
 
 
@@ -111,11 +169,9 @@ class HomeAll(Command):
     """True homes all joints at once, False one after the other."""
 
     def check(self, limits: MachineSettings, _standing: Sequence[float]) -> None:
-        """Raise InputError unless each joint can be homed."""
         check_homing(limits.robot, limits.robot.joint_names)
 
     def perform(self, work: Work) -> str:
-        """Home the joints."""
         home_robot(work.session, together=self.together, progress=work.progress)
         return "all joints are homed"
 
@@ -128,11 +184,9 @@ class HomeJoint(Command):
     joint: str
 
     def check(self, limits: MachineSettings, _standing: Sequence[float]) -> None:
-        """Raise InputError unless the joint exists and can be homed."""
         check_homing(limits.robot, [self.joint])
 
     def perform(self, work: Work) -> str:
-        """Home the joint."""
         home_robot(work.session, joints=[self.joint], progress=work.progress)
         return f"{self.joint} is homed"
 
@@ -146,16 +200,14 @@ class DeclareHere(Command):
     """Position of every joint, in the robot's order."""
 
     def check(self, limits: MachineSettings, _standing: Sequence[float]) -> None:
-        """Raise InputError unless each joint has a position within its limits."""
         robot = limits.robot
         if len(self.joints) != len(robot.joints):
             raise InputError(f"{len(self.joints)} positions for the {len(robot.joints)} joints of {robot.name}")
         check_goal(robot, self.joints)
 
     def perform(self, work: Work) -> str:
-        """Declare the positions."""
         declare(work.session, list(self.joints))
-        return f"declared: {_words(work.session.robot, self.joints)}"
+        return f"declared: {_position_message(work.session.robot, self.joints)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,16 +220,14 @@ class StepJoint(Command):
     speed_percent: float = STEP_SPEED_PERCENT
 
     def check(self, limits: MachineSettings, _standing: Sequence[float]) -> None:
-        """Raise InputError unless the joint exists, and distance and speed are within its limits."""
         check_step(limits.robot, self.joint, self.distance)
         check_step_speed(self.speed_percent)
 
     def perform(self, work: Work) -> str:
-        """Step; return the positions, or the distance if they are unknown."""
         session, percent = work.session, self.speed_percent
         moved = step_joint(session, self.joint, self.distance, speed_percent=percent, progress=work.progress)
         if moved.pose is not None:
-            return _words(session.robot, moved.end)
+            return _position_message(session.robot, moved.end)
         return f"by {self.distance:+g} {session.robot.joint(self.joint).unit}"
 
 
@@ -196,13 +246,11 @@ class StepTool(Command):
         return f"step {' '.join(self.distances)}"
 
     def check(self, _limits: MachineSettings, _standing: Sequence[float]) -> None:
-        """Raise InputError unless the coordinates exist, and the speed is within its limits."""
         self._step()
         check_step_speed(self.speed_percent)
 
     def perform(self, work: Work) -> str:
-        """Step; return the positions."""
-        return _words(work.session.robot, step_tool(work.session, self._step(), progress=work.progress).end)
+        return _position_message(work.session.robot, step_tool(work.session, self._step(), progress=work.progress).end)
 
     def _step(self) -> ToolStep:
         return ToolStep(self.distances, self.speed_percent, self.frame)
@@ -218,14 +266,12 @@ class MoveJoints(Command):
     speed_percent: float = 100.0
 
     def check(self, limits: MachineSettings, _standing: Sequence[float]) -> None:
-        """Raise InputError unless the joints exist, and the positions and the speed are within their limits."""
         if not self.joints:
             raise InputError("move: names no joint")
         goal_by_name(limits.robot, self.joints)
         _check_percent(self.speed_percent)
 
     def perform(self, work: Work) -> str:
-        """Move; return the positions."""
         return _move(work, goal_by_name(work.session.robot, self.joints), self.speed_percent)
 
 
@@ -239,18 +285,16 @@ class MoveTool(Command):
     speed_percent: float = 100.0
 
     def check(self, limits: MachineSettings, standing: Sequence[float]) -> None:
-        """Raise InputError unless the arm reaches the pose."""
         _check_percent(self.speed_percent)
         check_goal(limits.robot, joints_at(limits.robot, self.position, list(standing)))
 
     def perform(self, work: Work) -> str:
-        """Move; return the positions."""
         return _move(work, partial(joints_at, work.session.robot, self.position), self.speed_percent)
 
 
 @dataclass(frozen=True, slots=True)
 class RunMotion(Command):
-    """Run a plan, made for `Desk.robot`."""
+    """Run a plan, made for `MachineService.robot`."""
 
     named = "{0.name}"
     needs_homed = True
@@ -261,13 +305,11 @@ class RunMotion(Command):
     """True moves to the plan's start first."""
 
     def check(self, limits: MachineSettings, _standing: Sequence[float]) -> None:
-        """Raise InputError unless the plan was made for the present limits, and it can be repeated."""
         if self.plan.robot != limits.robot:
             raise InputError(f"{self.name}: was planned for other limits than the machine has now: plan it again")
         check_repeatable(self.plan, self.repeat)
 
     def perform(self, work: Work) -> str:
-        """Run the motion; its result is kept however it ends."""
         runs = work.runs
         work.events.info(f"{self.name}: begins{'' if self.repeat == 1 else f', to be run {self.repeat} times'}")
         try:
@@ -280,12 +322,64 @@ class RunMotion(Command):
                 progress=work.progress,
                 begun=lambda: runs.begin(len(self.plan.robot.axes)),
             )
-        except (StepTwinError, StopAskedError) as error:
-            runs.end(self.name, None, told(error) if isinstance(error, StepTwinError) else str(error))
+        except Exception as error:  # an error of the machine, or a stop
+            runs.end(self.name, None, operator_message(error) if isinstance(error, StepTwinError) else str(error))
             raise
         runs.end(self.name, outcome, None)
         times = "" if outcome.repetitions == 1 else f", {outcome.repetitions} times"
         return f"{outcome.job}{times}: {'ended where planned' if outcome.passed else 'ENDED ELSEWHERE'}"
+
+
+class JogEnd(NamedTuple):
+    """The end of a jog: whether anything has moved, and whether it is at the end of its travel."""
+
+    moved: bool
+    at_end: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Jog(Request):
+    """A motion at a speed with a sign, in mm/s or deg/s, for as long as a button is held."""
+
+    jogs = True
+
+    def perform(self, session: Session, released: Callable[[], bool]) -> JogEnd:
+        """Jog until the button is released, or the machine can go no further."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, slots=True)
+class JointJog(Jog):
+    """Move one joint, up to its limit."""
+
+    named = "jog {0.joint}"
+    joint: str
+    speed: float
+
+    def check(self, limits: MachineSettings, _standing: Sequence[float]) -> None:
+        check_jog(limits.robot, self.joint, self.speed)
+
+    def perform(self, session: Session, released: Callable[[], bool]) -> JogEnd:
+        jogged = jog(session, self.joint, self.speed, None, until=released)
+        return JogEnd(jogged.end != jogged.start, jogged.at_limit)
+
+
+@dataclass(frozen=True, slots=True)
+class ToolJog(Jog):
+    """Move the tool along an axis of the world or of its own, or turn it about one or by phi."""
+
+    named = "jog {0.coordinate}"
+    needs_homed = True
+    coordinate: str
+    speed: float
+    frame: StepFrame = StepFrame.WORLD
+
+    def check(self, limits: MachineSettings, _standing: Sequence[float]) -> None:
+        check_tool_jog(limits.robot, self.coordinate, self.speed)
+
+    def perform(self, session: Session, released: Callable[[], bool]) -> JogEnd:
+        jogged = jog_tool(session, self.coordinate, self.speed, None, frame=self.frame, until=released)
+        return JogEnd(jogged.end != jogged.start, jogged.at_end)
 
 
 def _check_percent(percent: float) -> None:
@@ -294,12 +388,11 @@ def _check_percent(percent: float) -> None:
 
 
 def _move(work: Work, goal: Goal, percent: float) -> str:
-    """Move to joint positions; return those at the end in words."""
     moved = move(work.session, goal, speed_percent=percent, progress=work.progress)
-    return _words(work.session.robot, moved.end)
+    return _position_message(work.session.robot, moved.end)
 
 
-def _words(robot: Robot, joints: Iterable[float]) -> str:
+def _position_message(robot: Robot, joints: Iterable[float]) -> str:
     return ", ".join(
         f"{joint.name} {position:.3f} {joint.unit}" for joint, position in zip(robot.joints, joints, strict=True)
     )

@@ -42,7 +42,6 @@ class Thinned:
         self._every = 1
 
     def add(self, time_s: float, number: int) -> None:
-        """Add a number behind the others."""
         if self._count % self._every == 0:
             if len(self.items) == REPORTS_MAX:
                 del self.items[1::2]
@@ -52,13 +51,16 @@ class Thinned:
 
 
 class AxisReports:
-    """The reports of one axis during a motion, each with the time when it was on the bus."""
+    """The reports of one axis during a motion, each with the time when it was on the bus.
+
+    Attributes:
+        places: the positions reported by TPDO1, in wire units.
+        records: the numbers, from 0 on, of the records that TPDO3 reports as executed.
+    """
 
     def __init__(self) -> None:
         self.places: Thinned = Thinned()
-        """The positions reported by TPDO1, in wire units."""
         self.records: Thinned = Thinned()
-        """The numbers, from 0 on, of the records that TPDO3 reports as executed."""
         self._executing = 0
 
     def take_place(self, time_s: float, data: bytes) -> None:
@@ -111,7 +113,8 @@ def _placed(plan: Plan, axis: int, reports: AxisReports, end_units: int, rate_ma
     lower_s, upper_s = np.append(lower_s, last_s), np.append(upper_s, last_s)
     units = np.append(_columns(reports.places)[1], end_units)
     looks_s = np.linspace(lower_s, upper_s, _LOOKS, axis=1)
-    planned = _planned(plan, axis)(looks_s)
+    velocities = plan.velocities[:, axis] * (1000 / VELOCITY_PER_UNIT_PER_MS)
+    planned = CubicHermiteSpline(plan.times_ms / 1000, plan.points_units[:, axis], velocities)(looks_s)
     nearest = np.abs(planned - units[:, np.newaxis]).argmin(axis=1)
     t_s = looks_s[np.arange(units.size), nearest]
     error_units = units - np.clip(units, planned.min(axis=1), planned.max(axis=1))
@@ -120,12 +123,6 @@ def _placed(plan: Plan, axis: int, reports: AxisReports, end_units: int, rate_ma
         units,
         error_units * plan.robot.axes[axis].transmission.microsteps / UNITS_PER_FULL_STEP,
     )
-
-
-def _planned(plan: Plan, axis: int) -> CubicHermiteSpline:
-    """Return an axis' planned position in wire units over the time in seconds, as its records tell it to the board."""
-    velocities = plan.velocities[:, axis] * (1000 / VELOCITY_PER_UNIT_PER_MS)
-    return CubicHermiteSpline(plan.times_ms / 1000, plan.points_units[:, axis], velocities)
 
 
 def time_bounds(plan: Plan, reports: AxisReports, rate_max: float = _RATE_MAX) -> tuple[FloatArray, FloatArray]:
@@ -214,7 +211,6 @@ class RunResults:
         self._faster = False
 
     def note_faster(self) -> None:
-        """Note that the run that goes on is faster than planned."""
         self._faster = True
 
     def end(self, name: str, outcome: LiveOutcome | None, why: str | None) -> None:
@@ -233,6 +229,5 @@ class RunResults:
             self._results.append(result)
 
     def all(self) -> tuple[Result, ...]:
-        """Return the results, the newest last."""
         with self._lock:
             return tuple(self._results)
