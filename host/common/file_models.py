@@ -529,22 +529,26 @@ class Choice(ValueLimit):
 
     Attributes:
         what: what they are, such as `model`; empty where the key says it.
-        choices: the names or numbers.
+        choices: the names or numbers, or what returns them when a value is read.
     """
 
     what: str
-    choices: tuple[Any, ...]
+    choices: tuple[Any, ...] | Callable[[], tuple[Any, ...]]
+
+    def _choices(self) -> tuple[Any, ...]:
+        return self.choices() if callable(self.choices) else self.choices
 
     def complaint(self, value: Any) -> str:
         """Return what to say of a value that is none of the choices; nothing for one of them."""
-        if value in self.choices:
+        choices = self._choices()
+        if value in choices:
             return ""
         if isinstance(value, str):
-            return str(unknown(self.what, value, self.choices)).lstrip()
-        return f"{value} is not one of {', '.join(map(str, self.choices))}"
+            return str(unknown(self.what, value, choices)).lstrip()
+        return f"{value} is not one of {', '.join(map(str, choices))}"
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return {**handler(schema), "enum": list(self.choices)}
+        return {**handler(schema), "enum": list(self._choices())}
 
 
 def check_limits(settings: object) -> None:

@@ -178,7 +178,7 @@ class BoardSettings(FileTable):
     dirhold_ns: _DirNs
     step_rate_max_hz: Positive
     bitrate: Annotated[int, Choice("", BITRATES)] = DEFAULT_BITRATE
-    driver_profile: Annotated[str, Choice("", driver_names())] | None = None
+    driver_profile: Annotated[str, Choice("", driver_names)] | None = None
     driver: Annotated[DriverFigures, DriverTable] | None = None
     current_a: float | None = None
     active_edge: ActiveEdge | None = None

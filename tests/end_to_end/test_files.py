@@ -99,7 +99,7 @@ class TestATrajectoryFile:
         file = tmp_path / "motion.csv"
         file.write_text(CSV, encoding="utf-8")
         line = refusal(capsys, "run", ROBOT, str(file), "-o", "duration_s=2")
-        assert line.endswith("a trajectory from a file has no options")
+        assert line.endswith("there are interpolate, ramps_s, units, elbow, law, left_percent")
         line = refusal(capsys, "run", ROBOT, str(file), "-o", "elbow=left")
         assert line.endswith("-o elbow=left: is for a file of the tool's poses; this one has joints")
 

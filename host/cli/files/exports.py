@@ -33,7 +33,7 @@ def dbc(robot: RobotName = None, robot_file: RobotFile = None) -> None:
     print_text(render_dbc(axes))
 
 
-@command("robot > robot.schema.json")
+@command("robot > robot.schema.json", "scenario > scenario.schema.json")
 def schema(
     kind: Annotated[str, argument("KIND", "Kind of file, such as robot; another word lists all kinds.")],
 ) -> None:

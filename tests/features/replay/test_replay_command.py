@@ -93,7 +93,7 @@ def test_bad_input_is_one_line(
     refusal(capsys, "replay", str(tmp_path), "teaching-scara", "--against", str(carry_run))
     refusal(capsys, "replay", log)
     refusal(capsys, "replay", log, "lab-skara")
-    refusal(capsys, "replay", log, "lab-scara", "-b", "9600")
+    refusal(capsys, "replay", log, "lab-scara", "-m", "bitrate=9600")
     refusal(capsys, "replay", log, "lab-scara", "--machine", "boards=9")
     refusal(capsys, "replay", log, "lab-scara", "-c", "can7")
     refusal(capsys, "replay", log, "lab-scara", "--machine", "stand-at=1 2 3")
