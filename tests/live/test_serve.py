@@ -138,7 +138,7 @@ def test_on_an_interface_of_python_can_with_a_terminal() -> None:
     """On a terminal, the status line shows the board's state until the end."""
     terminal, stderr = os.openpty()
     process = subprocess.Popen(
-        [*PROGRAM, "serve", ROBOT, "-i", "virtual", "-c", "here", "-b", "250000"],
+        [*PROGRAM, "serve", ROBOT, "-i", "virtual", "-c", "here", "-m", "bitrate=250000"],
         stdout=subprocess.PIPE,
         stderr=stderr,
         text=True,
