@@ -99,4 +99,4 @@ def test_when_a_run_fails_has_each_reason_of_the_verdict(capsys: pytest.CaptureF
         assert words in section
 
 
-VERDICTS = ("verify/verifier.py", "verify/switching.py", "cli/run/verdict_text.py")
+VERDICTS = ("verify/verifier.py", "verify/switching.py", "cli/run/verdict_text.py", "record/verdict_words.py")
