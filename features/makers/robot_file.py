@@ -5,16 +5,14 @@ from dataclasses import replace
 from typing import Any, Final
 
 from steptwin.features.makers.configurations.machine import AxisFound, Configuration, Figure
-from steptwin.host.common.bad_input import at_most, unknown
+from steptwin.host.common.bad_input import at_most, prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.numbers import finite_number
 from steptwin.host.robots import read_robot
-from steptwin.host.robots.board_settings import BoardSettings, pulses_for
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.motor import MOTORS
 from steptwin.host.robots.new_file import DRIVER_PROFILE, NewRobot, toml_lines
-from steptwin.host.robots.new_joint import FULL_STEPS_PER_REV, board_with
-from steptwin.protocol.drivers import PROFILES
+from steptwin.host.robots.new_joint import FULL_STEPS_PER_REV, board_of, board_with
 
 KIND: Final = "cartesian"
 ROTARY: Final = "C"
@@ -25,26 +23,15 @@ _MICROSTEPS: Final = 16
 _SKEW_MM: Final = 2.0
 _BEYOND_MM: Final = 1.0
 """Distance of a switch beyond the range, since here no switch is closed within it."""
-_SEARCH_S: Final = 5.0
-_RISE_S: Final = 0.2
+_SLOWER: Final = 5.0
+"""Highest speed over the speed of the search for a switch, and this over the speed across its edge."""
 _BELTS: Final = "belts"
 _AXES: Final = "axes"
 _COREXY: Final = "corexy"
-_OF_AXES: Final = {
-    "lower": "lower",
-    "upper": "upper",
-    "speed_max": "speed_max",
-    "acceleration_max": "acceleration_max",
-    "microsteps": "microsteps",
-    "full_steps_per_rev": "full_steps_per_rev",
-}
-"""Settings of an axis that replace a figure of the configuration."""
-_NEEDED: Final = {
-    "lower": "least position",
-    "upper": "greatest position",
-    "speed_max": "highest speed",
-    "acceleration_max": "highest acceleration",
-}
+_NEEDED: Final = ("lower", "upper", "speed_max", "acceleration_max")
+"""Figures that each axis must have."""
+_OF_AXES: Final = (*_NEEDED, "microsteps", "full_steps_per_rev")
+"""Figures of an axis that a setting of the same name replaces."""
 _COUPLING: Final = """\
 [coupling] # rows are axes (motors with their belts), columns joints: both belts move both slides (docs/coupling.md)
 X = { X = 1.0, Y = 1.0 }
@@ -81,7 +68,7 @@ def robot_of(name: str, configuration: Configuration, settings: Mapping[str, str
     notes = [*configuration.notes]
     pulses, told = _pulses(configuration, drivers)
     notes += told
-    board = replace(_board(drivers), **{key: value for key, (value, _) in pulses.items()})
+    board = replace(board_of(drivers), **{key: value for key, (value, _) in pulses.items()})
     axes, told = _within_rate(axes, board.driver_rate_max_hz)
     notes += told
     notes += _moved_switches(axes)
@@ -153,13 +140,11 @@ def _is_corexy(configuration: Configuration, settings: Mapping[str, str]) -> boo
 
 def _with_settings(axis: AxisFound, settings: Mapping[str, str]) -> AxisFound:
     changes: dict[str, Any] = {}
-    for key, name in _OF_AXES.items():
+    for key in _OF_AXES:
         text = settings.get(f"{axis.name}.{key}")
         if text is not None:
-            try:
-                changes[name] = Figure(finite_number(text), f"--set {axis.name}.{key}={text}")
-            except InputError as error:
-                raise InputError(f"--set {axis.name}.{key}: {error}") from error
+            with prefixed(f"--set {axis.name}.{key}: "):
+                changes[key] = Figure(finite_number(text), f"--set {axis.name}.{key}={text}")
     return replace(axis, **changes)
 
 
@@ -167,28 +152,19 @@ def _drivers(axes: Sequence[AxisFound], settings: Mapping[str, str]) -> tuple[st
     """Return the drivers' profile, its origin, and what is to be filled in."""
     if DRIVER_PROFILE in settings:
         name = settings[DRIVER_PROFILE]
-        try:
+        with prefixed(f"--set {DRIVER_PROFILE}: "):
             board_with(name)
-        except InputError as error:
-            raise InputError(f"--set {DRIVER_PROFILE}: {error}") from error
         return name, f"--set {DRIVER_PROFILE}={name}", []
     found = [axis.drivers for axis in axes if axis.drivers is not None]
     if not found:
         wanted = {axis.microsteps.value for axis in axes if axis.microsteps is not None}
-        made = {name: set(_board(name).profile.chip.microsteps) for name in _DRIVERS}
+        made = {name: set(board_of(name).profile.chip.microsteps) for name in _DRIVERS}
         assumed = next((name for name in _DRIVERS if wanted <= made[name]), _DRIVERS[-1])
         return assumed, _ASSUMED, [f"{DRIVER_PROFILE}: {assumed} is assumed; --set {DRIVER_PROFILE}=NAME"]
     names = dict.fromkeys(each.profile for each in found)
     others = [name for name in names if name != found[0].profile]
     several = f"{DRIVER_PROFILE}: a board here has drivers of one kind, and {', '.join(others)} is another"
     return found[0].profile, found[0].origin, [several] if others else []
-
-
-def _board(drivers: str) -> BoardSettings:
-    """Return a board with drivers of a profile, with the pulses that they need."""
-    profile = PROFILES[drivers]
-    times: dict[str, Any] = {**pulses_for(profile)}
-    return BoardSettings(osc_pf=None, driver_profile=drivers, **times)
 
 
 def _transmission(axis: AxisFound, settings: Mapping[str, str], drivers: str) -> tuple[dict[str, Any], list[str]]:
@@ -233,13 +209,13 @@ def _transmission(axis: AxisFound, settings: Mapping[str, str], drivers: str) ->
 
 
 def _nearest_made(drivers: str) -> int:
-    made = _board(drivers).profile.chip.microsteps
+    made = board_of(drivers).profile.chip.microsteps
     return max((each for each in made if each <= _MICROSTEPS), default=made[0])
 
 
 def _pulses(configuration: Configuration, drivers: str) -> tuple[dict[str, Any], list[str]]:
     """Return the controller's times that the drivers bear, and a line for each that they do not."""
-    board = _board(drivers)
+    board = board_of(drivers)
     least = {key: getattr(board, key) for key in ("steplen_ns", "stepspace_ns", "dirsetup_ns", "dirhold_ns")}
     chip = board.profile.chip.times
     kept, told = dict[str, Any](), list[str]()
@@ -283,7 +259,7 @@ def _current(axes: Sequence[AxisFound], drivers: str) -> dict[str, Any]:
         return {}
     least = min(found, key=lambda each: each.value)
     try:
-        _board(drivers).profile.current(least.value)
+        board_of(drivers).profile.current(least.value)
     except ValueError:
         return {}
     return {"current_a": (round(least.value, 3), least.origin)}
@@ -327,9 +303,9 @@ def _homing(axis: AxisFound) -> Iterator[str]:
     assert axis.upper is not None
     assert axis.speed_max is not None
     name = _letter(axis)
-    search = axis.search_speed or Figure(axis.speed_max.value / _SEARCH_S, _ASSUMED)
+    search = axis.search_speed or Figure(axis.speed_max.value / _SLOWER, _ASSUMED)
     search = min(search, axis.speed_max, key=lambda each: each.value)
-    zero = axis.zero_speed or Figure(search.value / _SEARCH_S, _ASSUMED)
+    zero = axis.zero_speed or Figure(search.value / _SLOWER, _ASSUMED)
     speeds = {
         "search_speed": search,
         "zero_speed": min(zero, search, key=lambda each: each.value),

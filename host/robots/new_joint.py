@@ -36,6 +36,11 @@ def board_with(drivers: str) -> BoardSettings:
         )
     if drivers not in PROFILES:
         raise unknown("driver", drivers, DRIVERS)
+    return board_of(drivers)
+
+
+def board_of(drivers: str) -> BoardSettings:
+    """Return a board with the drivers of a profile, with the pulses that they need."""
     times: dict[str, Any] = {**pulses_for(PROFILES[drivers])}
     return BoardSettings(osc_pf=None, driver_profile=drivers, **times)
 

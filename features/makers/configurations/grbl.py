@@ -5,6 +5,7 @@ grblHAL's core/settings.h at f80fc34d.
 """
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final
@@ -19,7 +20,8 @@ from steptwin.host.robots.joint import Unit
 
 LETTERS: Final = "XYZABC"
 _SETTING: Final = re.compile(r"^[<>\s]*\$(\d{1,3})\s*=\s*([^\s;(,]+)", re.MULTILINE)
-_OF_AXES: Final = {100: "steps per mm", 110: "highest speed in mm/min", 120: "acceleration in mm/s2", 130: "travel"}
+_OF_AXES: Final = (100, 110, 120, 130)
+"""First of the axes' settings: steps per mm, highest speeds in mm/min, accelerations in mm/s2, travels in mm."""
 _BLOCK: Final = 10
 _STEPS_MAX: Final = 1e5
 """Steps per mm above which a setting is no machine's but garbage in the EEPROM."""
@@ -49,7 +51,7 @@ def read_grbl(path: Path) -> Configuration:
             "$100 is missing: grbl 0.8 and before number their settings otherwise; take those of 0.9 or later"
         )
     axes = tuple(_axis(index, settings) for index in range(len(LETTERS)) if 100 + index in settings)
-    again = sorted({number for number, _ in listed if sum(each == number for each, _ in listed) > 1})
+    again = sorted(number for number, count in Counter(number for number, _ in listed).items() if count > 1)
     known = _READ | {first + index for first in _OF_AXES for index in range(len(LETTERS))} | _of_grblhal(settings)
     return Configuration(
         controller="grblHAL" if _is_grblhal(settings) else "grbl",

@@ -195,13 +195,13 @@ def _axis(axis: str, printer: _Section, found: Mapping[str, Mapping[str, str]], 
         endstop=endstop,
         search_speed=search,
         zero_speed=section.figure("second_homing_speed", search.value / 2, "half of homing_speed, the default"),
-        second_motor=second[0] if second and not corexy_pair(axis, corexy=corexy) else "",
+        second_motor=second[0] if second and not _shares_motors(axis, corexy=corexy) else "",
         drivers=drivers,
         current_a=_current(name, found),
     )
 
 
-def corexy_pair(axis: str, *, corexy: bool) -> bool:
+def _shares_motors(axis: str, *, corexy: bool) -> bool:
     """Return whether an axis shares its motors with another."""
     return corexy and axis in "xy"
 
@@ -290,7 +290,7 @@ def _notes(printer: _Section, sections: _Sections, *, corexy: bool) -> Iterator[
         more = [each for each in sections.found if re.fullmatch(rf"{name}\d", each)]
         if len(more) > 1:
             yield f"{axis.upper()}: {len(more) + 1} motors: a joint here has two, so {', '.join(more[1:])} is left out"
-        elif more and corexy_pair(axis, corexy=corexy):
+        elif more and _shares_motors(axis, corexy=corexy):
             yield f"{axis.upper()}: {more[0]} is left out: a motor that two joints share has no second one here"
         chip = (_tmc(name, sections.found) or " ").split()
         if chip and chip[0] in _DRIVERS and chip[0] not in _EXACT:
