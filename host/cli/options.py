@@ -9,7 +9,6 @@ import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
-from functools import partial
 from inspect import Parameter, Signature, signature
 from typing import Annotated, Any, Final, NamedTuple, get_args, get_origin
 
@@ -123,9 +122,6 @@ def switch(says: str, *names: str, **told: Any) -> Any:
     return option("", says, *names, default=False, **told)
 
 
-_machine_option: Final = partial(option, rich_help_panel=MACHINE_PANEL)
-
-
 def of_features(attribute: str) -> Any:
     """Return, as the default of a group's field, the options that features give by an attribute of theirs."""
     return field(default=(), metadata={OF_FEATURES: attribute})
@@ -218,19 +214,16 @@ class _MachineGroup(_Group):
         """Yield the one option."""
         spelled: list[Spelling] = [each.metadata[SPELLING] for each in self._fields().values()]
         forms = [f"{each.key}={each.value}" if each.value else each.key for each in spelled]
-        option = Parameter(
-            MACHINE,
-            Parameter.KEYWORD_ONLY,
-            annotation=list[str] | None,
-            default=_machine_option(
-                "KEY=VALUE",
-                "How the emulated machine differs from the robot's file, and what happens to it; repeatable"
-                f" (docs/machine-options.md): {', '.join(forms)}.",
-                f"--{MACHINE}",
-                "-m",
-            ),
+        made: Field[Any] = option(
+            "KEY=VALUE",
+            "How the emulated machine differs from the robot's file, and what happens to it; repeatable"
+            f" (docs/machine-options.md): {', '.join(forms)}.",
+            f"--{MACHINE}",
+            "-m",
+            rich_help_panel=MACHINE_PANEL,
         )
-        yield _field_of(option)
+        made.name, made.type = MACHINE, list[str] | None
+        yield made
 
     def made(self, values: dict[str, Any]) -> Any:
         """Take the texts of the one option, give each to its field, and make the object of them."""
