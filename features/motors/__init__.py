@@ -1,4 +1,4 @@
-"""Motors in the loop: rotors that may slip, sizing, and limits of fastest motions by what motors manage.
+"""Motors in the loop: rotors that may slip, motor sizing, and limits of fastest motions by motor torque.
 
 Imports the core, and `fastest`, whose motions it limits.
 """

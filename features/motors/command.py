@@ -1,4 +1,4 @@
-"""`steptwin motors DIR|ROBOT`: turn the motors by a stored run, or tell which motors would do for a robot."""
+"""`steptwin motors DIR|ROBOT`: turn the rotors of a stored run, or compare a robot's motors with its needs."""
 
 from dataclasses import dataclass
 from dataclasses import replace as replace_fields
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 def tell_fits(answer: AnswerOptions, robot: "Robot", current_a: float | None) -> None:
-    """Print how a robot's motors, and those of the catalogue, would do at the limits of its joints."""
+    """Print the torque margins of a robot's motors, and of the catalogue's, at the limits of its joints."""
     from steptwin.features.motors.sizing.fitting import fits_of
     from steptwin.features.motors.turning import check_described
     from steptwin.features.motors.turning.driving import check_current
@@ -86,7 +86,7 @@ _OWN: Final[Columns] = {
 
 
 def warn_of_steep_homings(fits: "tuple[JointFit, ...]") -> None:
-    """Warn of each joint whose homing accelerates it harder than the motors manage."""
+    """Warn of each joint that accelerates harder in its homing than its motor can."""
     from steptwin.features.motors.turning.ramps import steep_homing
 
     for fit in fits:
@@ -95,7 +95,7 @@ def warn_of_steep_homings(fits: "tuple[JointFit, ...]") -> None:
 
 
 def print_ramps(fits: "tuple[JointFit, ...]") -> None:
-    """Print the accelerations of each joint, in motion and as it is homed, and those that the motors manage."""
+    """Print each joint's acceleration limits, in motion and in homing, beside those that the motors allow."""
     heads = ["joint", "unit", "acceleration_max", "motors manage", "homing", "motors manage"]
     rows = [
         [
@@ -110,7 +110,7 @@ def print_ramps(fits: "tuple[JointFit, ...]") -> None:
 
 
 def _asked_and_managed(ramp: "JointRamp", name: str) -> tuple[str, str]:
-    """Return both in words, with the joint whose motor manages no more if it is another one."""
+    """Return the set and the highest possible acceleration as text; name the limiting joint if it is another one."""
     weakest = "" if ramp.weakest == name else f"{ramp.weakest}: "
     return f"{ramp.asked:g}", f"{weakest}{ramp.managed:.0f}"
 
@@ -132,7 +132,7 @@ def _print_others(fits: "tuple[JointFit, ...]") -> None:
 
 
 def _cell(fit: "Fit") -> str:
-    """Return the margin; with the speed where it falls short if the motor would not do."""
+    """Return the margin as text; if the motor is too weak, with the speed of the least margin."""
     percent = f"{100 * fit.margin:.0f}" if fit.margin > -1.0 else "none"
     return percent if fit.would_do else f"{percent} at {fit.rpm:.0f}"
 
@@ -143,7 +143,7 @@ def _shortage(fit: "Fit") -> str:
 
 @dataclass(frozen=True, slots=True)
 class CycleOptions:
-    """The options that let a program be as fast as motors manage."""
+    """Options for the duration of a program by torque reserve."""
 
     program: str | None = option("FILE", "Program of ROBOT: how long it takes by the torque that is to be left.")
     instead: list[str] | None = option(
@@ -152,7 +152,7 @@ class CycleOptions:
 
 
 def tell_cycles(answer: AnswerOptions, robot: "Robot", asked: CycleOptions, out: Path | None) -> None:
-    """Print how long a program takes by the torque that the motors are to have left, and draw it."""
+    """Print the duration of a program for each torque reserve of the motors, and draw it."""
     from steptwin.features.motors.sizing.fitting import cycle_times, with_motors_of
     from steptwin.host.planning.programs import compile_program, read_program
 
@@ -231,7 +231,7 @@ def motors(
 
 
 def _is_robot(subject: str) -> bool:
-    """Return whether a word means a robot; raise InputError if it is nothing at all."""
+    """Return True for a robot's name or file, False for a run folder; raise InputError if it is neither."""
     from steptwin.host.robots import robot_names
 
     if subject in robot_names() or subject.endswith(".toml"):

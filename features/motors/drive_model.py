@@ -1,6 +1,6 @@
-"""What motors are to planning: a limit of fastest motions, a forecast, and a limit of the speed on the way.
+"""Drive model of motors for planning: limits of fastest motions, a forecast, and the highest speed override.
 
-Pull-out torques, arms and rotors need the emulator, so they are imported when they are asked for.
+Pull-out torques, arms and rotors need the emulator, so functions import them when called.
 """
 
 from steptwin.features.motors.limits import motor_forecast, motor_limits
@@ -11,17 +11,17 @@ from steptwin.host.robots.robot import Robot
 
 
 def limits(robot: Robot, left_percent: float) -> DriveLimits:
-    """Return what a robot's motors allow; raises as `motor_limits`."""
+    """Return the limits of a robot's motors; raises as `motor_limits`."""
     return motor_limits(robot, left_percent)
 
 
 def forecast(robot: Robot, motion: Trajectory) -> str | None:
-    """Return whether a robot's rotors will slip, or may; None if all is well."""
+    """Return a warning if a robot's rotors will or may slip; None if not."""
     return motor_forecast(robot, motion)
 
 
 def highest_speed(plan: Plan, percent: int) -> HighestSpeed | None:
-    """Return the highest speed up to a percentage that the motors hold; None for a robot without described motors."""
+    """Return the highest speed, up to a percentage, that the motors hold; None if the file describes no motors."""
     if not plan.robot.has_motors:
         return None
     from steptwin.features.motors.limits.override import held_speed

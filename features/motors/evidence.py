@@ -1,4 +1,4 @@
-"""What the rotors of a machine have done, as evidence: of a board that runs on, of a run, of a stored run."""
+"""Evidence of rotors: of a served board, of a run, and of a stored run."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 
 class RotorEvidence(Protocol):
-    """What rotors have done; times are those of the motion whose t = 0 is given."""
+    """What rotors have done; `start_counts` is the motion's t = 0, from which times count."""
 
     def slips(self, start_counts: int) -> Sequence[RotorSlip]:
         """Return the axes whose rotors have slipped."""
@@ -33,11 +33,11 @@ class RotorFacts:
 
     Attributes:
         name: axis.
-        load_angle_deg: greatest load angle, electrical degrees.
-        load_angle_counts: its instant.
-        first_slip_counts: None without a slip.
-        lost_full_steps: with sign.
-        winding_celsius: from 25 degC at power-up.
+        load_angle_deg: greatest load angle in electrical degrees.
+        load_angle_counts: instant of the greatest load angle.
+        first_slip_counts: instant of the first slip; None without one.
+        lost_full_steps: full steps lost, with sign.
+        winding_celsius: temperature of the windings; 25 degC at power-up.
     """
 
     name: str
@@ -50,7 +50,7 @@ class RotorFacts:
 
 @dataclass(frozen=True, slots=True)
 class RotorsSoFar:
-    """What all rotors of a robot have done since power-up, in figures."""
+    """Extremes of all rotors of a robot since power-up."""
 
     robot: Robot
     rotors: tuple[RotorFacts, ...]
@@ -87,7 +87,7 @@ class RotorsSoFar:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RotorsOfRun:
-    """What the rotors of a robot did in a run, with the boards or after it; `verdict` judges them by the plan."""
+    """Rotors of a run, turned with the boards or after them; `verdict` judges them by the plan."""
 
     robot: Robot
     trace: RotorTrace
@@ -98,7 +98,7 @@ class RotorsOfRun:
         return self.trace.slips(self.robot.axis_names, start_counts)
 
     def document(self, start_counts: int) -> dict[str, Any]:
-        """Return the verdict as plain values for JSON; without one what is known without a plan."""
+        """Return the verdict as plain values for JSON; without a plan, only the rotors' figures."""
         return self._figures.document(start_counts) if self.verdict is None else self.verdict.to_dict()
 
     @property
@@ -123,12 +123,12 @@ class RotorsOfRun:
 
 @dataclass(frozen=True, slots=True)
 class StoredRotors:
-    """What a stored run says of its rotors, in its motion's time.
+    """Rotors of a stored run, in its motion's time.
 
     Attributes:
-        told: the document.
-        joints: the joints' names.
-        slipped: those that have slipped.
+        told: the stored document.
+        joints: names of the joints.
+        slipped: the slips.
     """
 
     told: Mapping[str, Any]
@@ -145,7 +145,7 @@ class StoredRotors:
 
 
 def trace_of(evidence: Evidence) -> RotorTrace | None:
-    """Return what the rotors did in a run; None if none turned, or the run was stored."""
+    """Return the trace of a run's rotors; None if no rotors turned or the run was stored."""
     seen = evidence.features.get(NAME)
     return seen.trace if isinstance(seen, RotorsOfRun) else None
 

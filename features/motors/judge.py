@@ -1,4 +1,4 @@
-"""Judge what rotors have done: none may slip."""
+"""Judge the rotors of a run: none may slip."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -15,7 +15,7 @@ def reasons(rotors: RotorEvidence, _planned: None, start_counts: int) -> list[st
 
 
 def document(rotors: RotorEvidence, start_counts: int) -> dict[str, Any]:
-    """Return the motors under their key in the JSON document of a run."""
+    """Return the motors' part of report.json."""
     return rotors.document(start_counts)
 
 
