@@ -252,6 +252,7 @@ def _tell_run(answer: AnswerOptions, folder: Path, load: LoadOptions, out: Path 
     margins = margins_of(ran, run.comparison) if margin else None
     document = {"robot": robot.name, "job": run.report.document["job"], "motors": ran.verdict.to_dict()}
     in_words = [
+        f"{robot.name}: {ran.verdict.answer}",
         lambda: print_motors(ran.verdict),
         lambda: warn_of_payloads(run.report.document, ran.verdict.payload_kg),
     ]

@@ -41,11 +41,13 @@ class Added(NamedTuple):
         outcome: the run, with what the feature has found.
         print: prints what it has found, after the report.
         save: writes files of its own into the run's folder; the second argument says whether there are pictures.
+        answer: the sentence with which the run's report begins; empty for none.
     """
 
     outcome: "Outcome"
     print: Callable[[], None]
     save: "Callable[[Path, bool], None]"
+    answer: str = ""
 
 
 class RunHook:

@@ -153,6 +153,9 @@ class FinishedRun:
     def print(self) -> None:
         """Print the report, what features say of the run, and what they have added."""
         document = self.outcome.to_dict()
+        for each in self.added:
+            if each.answer:
+                say(each.answer)
         print_report(document)
         for telling in tellings():
             telling.print_run(document)
