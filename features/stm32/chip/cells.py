@@ -1,0 +1,210 @@
+"""The places of a chip's state in its one array of int64, and the mark of the functions that work on it."""
+
+from collections.abc import Callable, MutableSequence
+from typing import Any, Final, TypeVar
+
+Cells = MutableSequence[int]
+"""The state: a memoryview of int64 in plain Python, an int64 array in numba."""
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+integer_functions: list[Callable[..., Any]] = []
+"""Functions that numba can compile, in the order of their definition."""
+
+
+def integer(function: Function) -> Function:
+    """Mark a function that numba can compile."""
+    integer_functions.append(function)
+    return function
+
+
+_used: list[int] = [0]
+
+
+def _cells(count: int = 1) -> int:
+    first = _used[0]
+    _used[0] += count
+    return first
+
+
+GRAINS: Final = 40_040
+"""Grains of time in a count of 72 MHz: for a crystal of 8 MHz a cycle has whole grains, whatever the PLL's factor."""
+NEVER: Final = 1 << 62
+
+# --- libunicorn: its engine, and the addresses of its functions
+UC: Final = _cells()
+READ_REGISTER: Final = _cells()
+WRITE_REGISTER: Final = _cells()
+READ_MEMORY: Final = _cells()
+WRITE_MEMORY: Final = _cells()
+START: Final = _cells()
+STOP: Final = _cells()
+
+# --- time, in grains
+NOW: Final = _cells()
+"""End of the last block that has been executed whole."""
+AT: Final = _cells()
+"""Present instant of a device's event or of an access to a register."""
+CYCLE: Final = _cells()
+"""Length of a cycle of the processor (HCLK)."""
+CRYSTAL_HZ: Final = _cells()
+UNTIL: Final = _cells()
+"""End of the stretch that `run` was asked for."""
+DUE: Final = _cells()
+"""The next event of a device: the least of `DUES`."""
+DEVICES: Final = 12
+DUES: Final = _cells(DEVICES)
+SYSTICK_DUE, TIMER_DUE, SENT_DUE, RECEIVED_DUE, WATCHDOG_DUE = 0, 1, 5, 8, 11
+"""Places in `DUES`: one of SysTick, four of the timers, three of the senders and receivers each, one of IWDG."""
+
+# --- the block that is being executed
+BLOCK: Final = _cells()
+BLOCK_SIZE: Final = _cells()
+"""Its length in bytes; 0 while no block is open."""
+BLOCK_CYCLES: Final = _cells()
+WAIT_STATES: Final = _cells()
+FLASH_END: Final = _cells()
+
+# --- the processor
+PC: Final = _cells()
+SLEEPING: Final = _cells()
+"""1 after WFI, 2 after WFE."""
+EVENT: Final = _cells()
+"""The event that WFE waits for is registered."""
+EXCEPTION: Final = _cells()
+"""The number by which unicorn has reported an exception of its own; -1 for none."""
+STOPPED: Final = _cells()
+"""1 if a hook has stopped unicorn."""
+VECTORS: Final = _cells()
+MAIN: Final = _cells()
+"""Address of `main`; it becomes 0 when it is reached."""
+FAULT: Final = _cells()
+"""Why the processor cannot go on, one of `Fault`; 0 while it can."""
+FAULT_AT: Final = _cells()
+FAULT_PC: Final = _cells()
+
+# --- NVIC
+EXCEPTIONS: Final = 76
+PENDING_SYSTEM: Final = _cells()
+"""Exceptions below 16 that are pending, as bits by number."""
+PENDING: Final = _cells()
+"""Interrupts that are pending, as bits by number."""
+ENABLED: Final = _cells()
+LINES: Final = _cells()
+"""Interrupts whose devices ask for them now."""
+ACTIVE_IRQ: Final = _cells()
+PRIORITY: Final = _cells(EXCEPTIONS)
+GROUP_MASK: Final = _cells()
+"""Bits of a priority that decide on preemption."""
+BEST: Final = _cells()
+"""Priority * 256 + number of the pending exception that comes first; `NEVER` for none."""
+DEPTH: Final = _cells()
+ACTIVE: Final = _cells(EXCEPTIONS)
+ACTIVE_PRIORITY: Final = _cells(EXCEPTIONS)
+TAKEN: Final = _cells(EXCEPTIONS)
+"""By number, how often an exception was taken."""
+LATEST: Final = _cells(EXCEPTIONS)
+"""By number, longest time in grains from pending to its handler."""
+PENDED_AT: Final = _cells(EXCEPTIONS)
+
+# --- system
+SYSTICK_CONTROL: Final = _cells()
+SYSTICK_LOAD: Final = _cells()
+SYSTICK_LEFT: Final = _cells()
+"""Grains left until 0 while SysTick stands."""
+CYCLES_BASE: Final = _cells()
+"""Cycles of DWT at `CYCLES_BASE_AT`."""
+CYCLES_BASE_AT: Final = _cells()
+CYCLES_ON: Final = _cells()
+SYSTEM_WORDS: Final = 0x1000 // 4
+SYSTEM: Final = _cells(SYSTEM_WORDS)
+"""Words of the system control space that are only memory, from 0xE000E000 on."""
+
+# --- registers of the peripherals, by word from 0x40000000 on
+REGISTER_WORDS: Final = 0x24000 // 4
+VALUE: Final = _cells(REGISTER_WORDS)
+WRITABLE: Final = _cells(REGISTER_WORDS)
+MODELLED: Final = _cells(REGISTER_WORDS)
+"""Bits whose effect is modelled; others may be written as 0 only."""
+DEVICE: Final = _cells(REGISTER_WORDS)
+"""16 * kind + number of the device, of `registers`; 0: not modelled."""
+CLOCK: Final = _cells(REGISTER_WORDS)
+"""32 * word + bit of the register that switches a device's clock on; -1: it always is."""
+
+# --- pins, by port A to E
+PORTS: Final = 5
+PUSH_PULL: Final = _cells(PORTS)
+OPEN_DRAIN: Final = _cells(PORTS)
+ALTERNATE: Final = _cells(PORTS)
+"""Outputs whose level a peripheral sets."""
+PULLED: Final = _cells(PORTS)
+"""Inputs with a pull-up or pull-down."""
+BY_DEVICE: Final = _cells(PORTS)
+"""Levels that peripherals set at their pins."""
+OUTSIDE: Final = _cells(PORTS)
+"""Levels that the machine sets at its pins."""
+DRIVEN: Final = _cells(PORTS)
+"""Pins whose level the machine sets."""
+RELEASED: Final = _cells(PORTS)
+"""Levels of the wires when the chip's pin is no output."""
+LEVELS: Final = _cells(PORTS)
+WATCHED: Final = _cells(PORTS)
+"""Pins whose edges are kept."""
+WAS_OUTPUT: Final = _cells(PORTS)
+"""Pins that have been outputs since power-up."""
+EDGE_CAPACITY: Final = 8192
+EDGE_COUNT: Final = _cells()
+EDGES: Final = _cells(2 * EDGE_CAPACITY)
+"""Edges: instant in counts, and 2 * (16 * port + pin) + level."""
+
+# --- timers 1 to 4
+TIMERS: Final = 4
+COUNTER: Final = _cells(TIMERS)
+"""Counter at `COUNTER_AT`; it grows by 1 each `COUNTER_TICK` grains, of a timer that runs."""
+COUNTER_AT: Final = _cells(TIMERS)
+COUNTER_TICK: Final = _cells(TIMERS)
+PRESCALER: Final = _cells(TIMERS)
+RELOAD: Final = _cells(TIMERS)
+COMPARE: Final = _cells(4 * TIMERS)
+OUTPUT: Final = _cells(4 * TIMERS)
+"""Level of each channel's output, before its polarity."""
+CHANNEL_PIN: Final = _cells(4 * TIMERS)
+"""16 * port + pin of each channel."""
+
+# --- USART 1 to 3
+USARTS: Final = 3
+TEXT_CAPACITY: Final = 1 << 16
+SENT_COUNT: Final = _cells(USARTS)
+SENT: Final = _cells(USARTS * TEXT_CAPACITY)
+SHIFTING: Final = _cells(USARTS)
+"""The byte that is being sent; -1 for none."""
+WAITING: Final = _cells(USARTS)
+"""The byte in the data register that is to be sent next; -1 for none."""
+ARRIVED_COUNT: Final = _cells(USARTS)
+"""Bytes that have arrived, of `GIVEN_COUNT`."""
+GIVEN_COUNT: Final = _cells(USARTS)
+GIVEN: Final = _cells(USARTS * TEXT_CAPACITY)
+
+# --- watchdog
+WATCHDOG_ON: Final = _cells()
+
+# --- accesses that are not modelled
+STRANGE_CAPACITY: Final = 256
+STRANGE_COUNT: Final = _cells()
+STRANGE_FIELDS: Final = 4
+STRANGE: Final = _cells(STRANGE_FIELDS * STRANGE_CAPACITY)
+"""Address, kind of `Strange`, number of times, PC of the first."""
+STRANGE_LOST: Final = _cells()
+
+# --- cost of the blocks in flash, by halfword
+BLOCK_COSTS: Final = 512 * 1024 // 2
+KNOWN_SIZE: Final = _cells(BLOCK_COSTS)
+KNOWN_CYCLES: Final = _cells(BLOCK_COSTS)
+
+CELLS: Final = _used[0]
+
+# --- numbers that several modules use
+FLASH_START: Final = 0x08000000
+PERIPHERALS: Final = 0x40000000
+FAULT_UNMAPPED, FAULT_UNDEFINED, FAULT_BREAKPOINT, FAULT_VECTOR, FAULT_ESCALATED, FAULT_WATCHDOG = 1, 2, 3, 4, 5, 6
+FAULT_UNICORN, FAULT_RESET, FAULT_RETURN = 7, 8, 9
+STRANGE_READ, STRANGE_WRITE, STRANGE_NO_CLOCK, STRANGE_BITS = 0, 1, 2, 3

@@ -1,0 +1,313 @@
+"""unicorn and the functions around it: memory, hooks, and the stretch of time that is run."""
+
+import ctypes
+from collections.abc import Callable, Sequence
+from functools import cache
+from importlib.util import find_spec
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from steptwin.features.stm32.chip import bus, gpio, processor, timers, usarts
+from steptwin.features.stm32.chip import cells as c
+from steptwin.features.stm32.chip.clocks import HSI_HZ
+from steptwin.features.stm32.chip.libunicorn import FUNCTIONS, address_of, library
+from steptwin.features.stm32.chip.nvic import SP
+from steptwin.features.stm32.chip.registers import RESET_PRIORITIES, place_registers
+from steptwin.host.common.arrays import Int64Array
+
+RAM_START: Final = 0x20000000
+_SYSTEM_MEMORY: Final = 0x1FFFF000
+_PERIPHERAL_BYTES: Final = 4 * c.REGISTER_WORDS + 0x2000
+_SPACE: Final = 0xE0000000
+_SPACE_BYTES: Final = 0x100000
+_ALIAS_BYTES: Final = 32 * _PERIPHERAL_BYTES
+_UNIQUE_ID: Final = b"StepTwin\x01\x02\x03\x04"
+
+
+class Hooks(NamedTuple):
+    """Addresses of the functions that unicorn calls, and the function that runs a chip."""
+
+    block: int
+    exception: int
+    unmapped: int
+    reads: Sequence[int]
+    """Of peripherals, system space, the peripherals' aliases and the RAM's."""
+    writes: Sequence[int]
+    """Likewise."""
+    touched: int
+    """Does nothing: while it is there, unicorn keeps PC exact at accesses."""
+    run: Callable[[Any, int], None]
+    kept: Any
+    """What must live as long as the addresses."""
+
+
+_ACCESSES: Final = (
+    # region: base, what reads and writes it by address and size
+    (c.PERIPHERALS, _PERIPHERAL_BYTES),
+    (_SPACE, _SPACE_BYTES),
+    (0x42000000, _ALIAS_BYTES),
+    (0x22000000, 32 * 0x10000),
+)
+
+
+def _read_region(s: Any, region: int, offset: int, size: int) -> int:
+    if region <= 1:
+        bus.arrive(s)
+        return bus.read(s, (_SPACE if region else c.PERIPHERALS) + offset, size)
+    if region == 2:
+        bus.arrive(s)
+        return bus.read_bit(s, offset)
+    return bus.read_memory_bit(s, offset)
+
+
+def _write_region(s: Any, region: int, offset: int, size: int, value: int) -> None:
+    if region <= 1:
+        bus.arrive(s)
+        bus.write(s, (_SPACE if region else c.PERIPHERALS) + offset, size, value & 0xFFFFFFFF)
+    elif region == 2:
+        bus.arrive(s)
+        bus.write_bit(s, offset, value)
+    else:
+        bus.write_memory_bit(s, offset, value)
+
+
+def python_hooks(s: Any) -> Hooks:
+    """Return the reference: hooks in plain Python for one chip's state."""
+    pointer, word, long = ctypes.c_void_p, ctypes.c_uint32, ctypes.c_uint64
+    block = ctypes.CFUNCTYPE(None, pointer, long, word, pointer)(
+        lambda _uc, address, size, _: processor.on_block(s, address, size)
+    )
+    exception = ctypes.CFUNCTYPE(None, pointer, word, pointer)(
+        lambda _uc, number, _: processor.on_exception(s, number)
+    )
+
+    def found_nothing(_uc: int, _kind: int, address: int, _size: int, _value: int, _: int) -> bool:
+        processor.on_unmapped(s, address)
+        return False
+
+    access = [ctypes.c_void_p, ctypes.c_int, long, ctypes.c_int, ctypes.c_int64, pointer]
+    unmapped = ctypes.CFUNCTYPE(ctypes.c_bool, *access)(found_nothing)
+    touched = ctypes.CFUNCTYPE(None, *access)(lambda *_: None)
+
+    def reader(region: int) -> Any:
+        return ctypes.CFUNCTYPE(long, pointer, long, word, pointer)(
+            lambda _uc, offset, size, _: _read_region(s, region, offset, size)
+        )
+
+    def writer(region: int) -> Any:
+        return ctypes.CFUNCTYPE(None, pointer, long, word, long, pointer)(
+            lambda _uc, offset, size, value, _: _write_region(s, region, offset, size, value)
+        )
+
+    readers, writers = [reader(i) for i in range(4)], [writer(i) for i in range(4)]
+    kept = block, exception, unmapped, touched, readers, writers
+    at = [ctypes.cast(each, pointer).value or 0 for each in (block, exception, unmapped, *readers, *writers, touched)]
+    return Hooks(*at[:3], at[3:7], at[7:11], at[11], processor.run, kept)
+
+
+@cache
+def compiled_hooks() -> Hooks:
+    """Return hooks that numba has compiled, for any chip; raises ModuleNotFoundError without the extra `fast`."""
+    from steptwin.features.stm32.chip import compiled as hooks
+
+    return Hooks(
+        hooks.BLOCK, hooks.EXCEPTION, hooks.UNMAPPED, hooks.READS, hooks.WRITES, hooks.TOUCHED, hooks.run, hooks
+    )
+
+
+class Chip:
+    """An STM32F103 with an image in its flash, from a reset on."""
+
+    def __init__(
+        self,
+        segments: Sequence[tuple[int, bytes]],
+        vectors: int,
+        *,
+        flash_kb: int = 128,
+        ram_kb: int = 20,
+        crystal_hz: int = 8_000_000,
+        main: int = 0,
+        compiled: bool | None = None,
+    ) -> None:
+        """Load an image and reset the processor.
+
+        Args:
+            segments: addresses in flash, and what stands there.
+            vectors: address of its vector table.
+            flash_kb: size of the flash.
+            ram_kb: size of the RAM.
+            crystal_hz: frequency of the crystal (HSE).
+            main: address of `main`; 0 if it is not known.
+            compiled: True for numba, False for plain Python, None for numba if it is installed.
+        """
+        self.state: Int64Array = np.zeros(c.CELLS, np.int64)
+        self.cells: memoryview = memoryview(self.state)  # type: ignore[assignment,arg-type]
+        self._uc = self._open(flash_kb, ram_kb)
+        self._reset(vectors, flash_kb, crystal_hz, main)
+        fast = find_spec("numba") is not None if compiled is None else compiled
+        self._hooks = compiled_hooks() if fast else python_hooks(self.cells)
+        self._given = self.state if fast else self.cells
+        self._hook()
+        for address, content in segments:
+            self._uc.mem_write(address, content)
+        self.cells[c.PC] = self.word(vectors + 4) & ~1
+        self._uc.reg_write(SP, self.word(vectors))
+
+    def _open(self, flash_kb: int, ram_kb: int) -> Any:
+        from unicorn import UC_ARCH_ARM, UC_MODE_MCLASS, UC_MODE_THUMB, UC_PROT_EXEC, UC_PROT_READ, Uc
+        from unicorn.arm_const import UC_CPU_ARM_CORTEX_M3
+
+        uc = Uc(UC_ARCH_ARM, UC_MODE_THUMB | UC_MODE_MCLASS)
+        uc.ctl_set_cpu_model(UC_CPU_ARM_CORTEX_M3)
+        uc.mem_map(c.FLASH_START, flash_kb * 1024, UC_PROT_READ | UC_PROT_EXEC)
+        uc.mem_map(RAM_START, ram_kb * 1024)
+        uc.mem_map(_SYSTEM_MEMORY, 0x1000, UC_PROT_READ)
+        uc.mem_write(_SYSTEM_MEMORY + 0x7E0, flash_kb.to_bytes(2, "little"))
+        uc.mem_write(_SYSTEM_MEMORY + 0x7E8, _UNIQUE_ID)
+        return uc
+
+    def _reset(self, vectors: int, flash_kb: int, crystal_hz: int, main: int) -> None:
+        s = self.cells
+        place_registers(self.state)
+        s[c.UC] = self._uc._uch.value  # noqa: SLF001  (the handle, which the library's functions take)
+        for cell, name in FUNCTIONS.items():
+            s[cell] = address_of(name)
+        s[c.CRYSTAL_HZ], s[c.FLASH_END] = crystal_hz, c.FLASH_START + 1024 * flash_kb
+        s[c.VECTORS], s[c.MAIN], s[c.EXCEPTION], s[c.BEST] = vectors, main, -1, c.NEVER
+        s[c.GROUP_MASK] = 0xFE
+        s[c.CYCLE] = 72_000_000 * c.GRAINS // HSI_HZ
+        self.state[c.DUES : c.DUES + c.DEVICES] = s[c.DUE] = c.NEVER
+        self.state[c.PRIORITY : c.PRIORITY + RESET_PRIORITIES.size] = RESET_PRIORITIES
+        for timer in range(c.TIMERS):
+            timers.load(s, timer)
+        self.state[c.SHIFTING : c.SHIFTING + c.USARTS] = self.state[c.WAITING : c.WAITING + c.USARTS] = -1
+        for pin in usarts.PINS:
+            s[c.BY_DEVICE + pin // 16] |= 1 << pin % 16  # TX rests high
+        gpio.route_channels(s)
+        for port in range(c.PORTS):
+            gpio.set_modes(s, port)
+
+    def _hook(self) -> None:
+        from unicorn import UC_HOOK_BLOCK, UC_HOOK_INTR, UC_HOOK_MEM_INVALID, UC_HOOK_MEM_READ, UC_HOOK_MEM_WRITE
+
+        hooks, handle, number = self._hooks, self._uc._uch, ctypes.c_size_t()  # noqa: SLF001
+        user = ctypes.c_void_p(self.state.ctypes.data)
+        everywhere = (1, 0)
+        for kind, function, (begin, end) in (
+            (UC_HOOK_BLOCK, hooks.block, everywhere),
+            (UC_HOOK_INTR, hooks.exception, everywhere),
+            (UC_HOOK_MEM_INVALID, hooks.unmapped, everywhere),
+            (UC_HOOK_MEM_READ | UC_HOOK_MEM_WRITE, hooks.touched, (c.PERIPHERALS, c.PERIPHERALS)),
+        ):
+            ends = ctypes.c_uint64(begin), ctypes.c_uint64(end)
+            at = ctypes.c_void_p(function)
+            _check(library().uc_hook_add(handle, ctypes.byref(number), ctypes.c_int(kind), at, user, *ends))
+        for (base, size), read, write in zip(_ACCESSES, hooks.reads, hooks.writes, strict=True):
+            place = ctypes.c_uint64(base), ctypes.c_size_t(size)
+            _check(library().uc_mmio_map(handle, *place, ctypes.c_void_p(read), user, ctypes.c_void_p(write), user))
+
+    def run(self, until_counts: int) -> None:
+        """Let time pass until an instant; it ends before if the edges must be taken, or with a fault."""
+        self._hooks.run(self._given, until_counts * c.GRAINS)
+
+    def begin(self, now_counts: int) -> None:
+        """Let the first instruction be executed at an instant: call this before any other time passes."""
+        for cell in (c.NOW, c.AT, c.CYCLES_BASE_AT):
+            self.cells[cell] = now_counts * c.GRAINS
+        for timer in range(c.TIMERS):
+            self.cells[c.COUNTER_AT + timer] = now_counts * c.GRAINS
+
+    def watch(self, pin: int, *, released: bool) -> None:
+        """Keep the edges of a pin, 16 * port + number; its wire has a level while the pin is no output."""
+        port, bit = pin // 16, 1 << pin % 16
+        self.cells[c.WATCHED + port] |= bit
+        if released:
+            self.cells[c.RELEASED + port] |= bit
+            self.cells[c.LEVELS + port] |= bit
+
+    def drive(self, pin: int, *, level: bool) -> None:
+        """Let the machine set the level of a pin that is an input."""
+        port, bit = pin // 16, 1 << pin % 16
+        self.cells[c.DRIVEN + port] |= bit
+        before = self.cells[c.OUTSIDE + port]
+        self.cells[c.OUTSIDE + port] = before | bit if level else before & ~bit
+        self.cells[c.AT] = self.cells[c.NOW]
+        gpio.refresh(self.cells, port)
+
+    def level(self, pin: int) -> int:
+        """Return the level of a pin."""
+        return self.cells[c.LEVELS + pin // 16] >> pin % 16 & 1
+
+    def was_output(self, pin: int) -> bool:
+        """Return whether a pin has been an output."""
+        return bool(self.cells[c.WAS_OUTPUT + pin // 16] >> pin % 16 & 1)
+
+    @property
+    def now_counts(self) -> int:
+        """The instant that has been reached; it may be some instructions beyond the one that was asked for."""
+        return self.cells[c.NOW] // c.GRAINS
+
+    @property
+    def pc(self) -> int:
+        """Where the processor stands."""
+        return self.cells[c.PC]
+
+    @property
+    def main_ahead(self) -> bool:
+        """True if the image has a `main` that has not been reached."""
+        return bool(self.cells[c.MAIN])
+
+    @property
+    def interrupts(self) -> dict[int, tuple[int, float]]:
+        """By number of an exception, how often it was taken, and the longest time in us until its handler."""
+        return {
+            number: (self.cells[c.TAKEN + number], self.cells[c.LATEST + number] / c.GRAINS / 72)
+            for number in range(c.EXCEPTIONS)
+            if self.cells[c.TAKEN + number]
+        }
+
+    def word(self, address: int) -> int:
+        """Return a word of the memory."""
+        return int.from_bytes(self._uc.mem_read(address, 4), "little")
+
+    def register(self, name: str) -> int:
+        """Return a register of the processor, such as `r0` or `lr`."""
+        from unicorn import arm_const
+
+        return int(self._uc.reg_read(getattr(arm_const, f"UC_ARM_REG_{name.upper()}")))
+
+    def take_edges(self) -> tuple[Int64Array, Int64Array]:
+        """Return the edges of the watched pins since the last call: instants in counts; 2 * pin + level."""
+        count = self.cells[c.EDGE_COUNT]
+        edges = self.state[c.EDGES : c.EDGES + 2 * count].reshape(-1, 2).copy()
+        self.cells[c.EDGE_COUNT] = 0
+        return edges[:, 0], edges[:, 1]
+
+    def sent(self, usart: int) -> bytes:
+        """Return what a USART, numbered from 0, has sent; at most its last 64 KiB."""
+        count = self.cells[c.SENT_COUNT + usart]
+        place = c.SENT + usart * c.TEXT_CAPACITY
+        ring = self.state[place : place + c.TEXT_CAPACITY].astype(np.uint8).tobytes()
+        if count <= c.TEXT_CAPACITY:
+            return ring[:count]
+        return ring[count % c.TEXT_CAPACITY :] + ring[: count % c.TEXT_CAPACITY]
+
+    def give(self, usart: int, data: bytes) -> None:
+        """Let bytes arrive at a USART, numbered from 0, one after the other."""
+        for byte in data:
+            place = self.cells[c.GIVEN_COUNT + usart] % c.TEXT_CAPACITY
+            self.cells[c.GIVEN + usart * c.TEXT_CAPACITY + place] = byte
+            self.cells[c.GIVEN_COUNT + usart] += 1
+        self.cells[c.AT] = self.cells[c.NOW]
+        usarts.listen(self.cells, usart)
+        self.cells[c.DUE] = min(self.cells[c.DUES : c.DUES + c.DEVICES])
+
+    def close(self) -> None:
+        """Free the memory of unicorn; nothing else may be called afterwards."""
+        self._uc = None
+
+
+def _check(error: int) -> None:
+    if error:
+        raise RuntimeError(f"unicorn: error {error}")

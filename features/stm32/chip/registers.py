@@ -1,0 +1,183 @@
+"""The registers of the peripherals as tables: place, reset value, bits that can be written, bits that are modelled.
+
+A bit that can be written but is not modelled is counted when the firmware sets it. What no table has is counted at each
+access. The sections are those of ST's reference manual RM0008, revision 21.
+"""
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from steptwin.features.stm32.chip import cells as c
+from steptwin.host.common.arrays import Int64Array
+
+PLAIN, RCC, GPIO, AFIO, EXTI, TIMER, USART, IWDG, FLASH = range(1, 10)
+"""What acts on a write: nothing, or the functions of a module."""
+
+
+class Register(NamedTuple):
+    """A register of a kind of peripheral."""
+
+    name: str
+    offset: int
+    reset: int = 0
+    writable: int = 0
+    modelled: int = -1
+    """Bits whose effect is modelled, or which have none that a program could see; -1: all."""
+
+
+class Peripheral(NamedTuple):
+    """A peripheral: its name, section of RM0008, what acts on it, its number, base, clock and registers."""
+
+    name: str
+    section: str
+    kind: int
+    number: int
+    base: int
+    clock: tuple[int, int] | None
+    """Offset in RCC and bit of its clock; None if it always runs."""
+    registers: Sequence[Register]
+
+
+_WORD, _HALF = 0xFFFFFFFF, 0xFFFF
+_APB2, _APB1 = 0x18, 0x1C
+
+_RCC = (
+    Register("CR", 0x00, 0x83, 0x010D00F9, 0x010500F9),  # the clock security system is not modelled
+    Register("CFGR", 0x04, 0, 0x07FFFFF3, 0x003FFFF3 | 0xC000),  # nor is the clock output MCO
+    Register("CIR", 0x08, 0, 0x009F1F00, 0x009F0000),
+    Register("APB2RSTR", 0x0C, 0, 0x38FFFD, 0),
+    Register("APB1RSTR", 0x10, 0, 0x3AFEC9FF, 0),
+    Register("AHBENR", 0x14, 0x14, 0x557),
+    Register("APB2ENR", 0x18, 0, 0x38FFFD),
+    Register("APB1ENR", 0x1C, 0, 0x3AFEC9FF),
+    Register("BDCR", 0x20, 0, 0x18305),
+    Register("CSR", 0x24, 0x0C000000, 0x01000001),
+)
+_FLASH = (Register("ACR", 0x00, 0x30, 0x1F), Register("SR", 0x0C, 0, 0), Register("WRPR", 0x20, _WORD, 0))
+_GPIO = (
+    Register("CRL", 0x00, 0x44444444, _WORD),
+    Register("CRH", 0x04, 0x44444444, _WORD),
+    Register("IDR", 0x08),
+    Register("ODR", 0x0C, 0, _HALF),
+    Register("BSRR", 0x10),
+    Register("BRR", 0x14),
+    Register("LCKR", 0x18, 0, 0x1FFFF, 0),
+)
+_AFIO = (
+    Register("EVCR", 0x00, 0, 0xFF, 0),
+    Register("MAPR", 0x04, 0, 0x071FFFFF, 0x07001FC0 | 0x100000),  # the timers' remaps, and SWJ, which frees pins
+    *(Register(f"EXTICR{i + 1}", 0x08 + 4 * i, 0, _HALF) for i in range(4)),
+)
+_EXTI = tuple(
+    Register(name, 4 * i, 0, 0xFFFFF, 0xFFFF)
+    for i, name in enumerate(("IMR", "EMR", "RTSR", "FTSR", "SWIER", "PR"))
+)
+_TIMER = (
+    Register("CR1", 0x00, 0, 0x3FF, 0x8F),  # counting up only
+    Register("CR2", 0x04, 0, 0x7FFD, 0),
+    Register("SMCR", 0x08, 0, 0xFF77, 0),
+    Register("DIER", 0x0C, 0, 0x7FFF, 0x1F),  # without DMA, trigger and break
+    Register("SR", 0x10, 0, 0x1EFF),
+    Register("EGR", 0x14, 0, 0xFF, 0x1F),
+    Register("CCMR1", 0x18, 0, _HALF, 0x7878 | 0x0404),  # outputs; OCxFE is about triggers
+    Register("CCMR2", 0x1C, 0, _HALF, 0x7878 | 0x0404),
+    Register("CCER", 0x20, 0, 0x3FFF, 0x3333),
+    Register("CNT", 0x24, 0, _HALF),
+    Register("PSC", 0x28, 0, _HALF),
+    Register("ARR", 0x2C, _HALF, _HALF),
+    *(Register(f"CCR{i + 1}", 0x34 + 4 * i, 0, _HALF) for i in range(4)),
+    Register("DCR", 0x48, 0, 0x1F1F, 0),
+    Register("DMAR", 0x4C, 0, _HALF, 0),
+)
+_ADVANCED_TIMER = (*_TIMER, Register("RCR", 0x30, 0, 0xFF, 0), Register("BDTR", 0x44, 0, _HALF, 0x8C00))
+_USART = (
+    Register("SR", 0x00, 0xC0, 0x3FF),
+    Register("DR", 0x04, 0, 0x1FF, 0xFF),
+    Register("BRR", 0x08, 0, _HALF),
+    Register("CR1", 0x0C, 0, 0x3FFF, 0x30FC),  # without parity, wake-up and break
+    Register("CR2", 0x10, 0, 0x7F6F, 0x3000),
+    Register("CR3", 0x14, 0, 0x7FF, 0x01),  # without DMA and flow control
+    Register("GTPR", 0x18, 0, _HALF, 0),
+)
+_IWDG = (
+    Register("KR", 0x00, 0, _HALF),
+    Register("PR", 0x04, 0, 7),
+    Register("RLR", 0x08, 0xFFF, 0xFFF),
+    Register("SR", 0x0C),
+)
+_BKP = tuple(Register(f"DR{i + 1}", 4 + 4 * i, 0, _HALF) for i in range(10))
+_PWR = (Register("CR", 0x00, 0, 0x1FF, 0x100), Register("CSR", 0x04, 0, 0x100, 0))
+
+PERIPHERALS: Final = (
+    Peripheral("RCC", "7.3", RCC, 0, 0x40021000, None, _RCC),
+    Peripheral("FLASH", "3.4", FLASH, 0, 0x40022000, None, _FLASH),
+    Peripheral("AFIO", "9.4", AFIO, 0, 0x40010000, (_APB2, 0), _AFIO),
+    Peripheral("EXTI", "10.3", EXTI, 0, 0x40010400, None, _EXTI),
+    *(
+        Peripheral(f"GPIO{port}", "9.2", GPIO, i, 0x40010800 + 0x400 * i, (_APB2, 2 + i), _GPIO)
+        for i, port in enumerate("ABCDE")
+    ),
+    Peripheral("TIM1", "14.4", TIMER, 0, 0x40012C00, (_APB2, 11), _ADVANCED_TIMER),
+    *(
+        Peripheral(f"TIM{2 + i}", "15.4", TIMER, 1 + i, 0x40000000 + 0x400 * i, (_APB1, i), _TIMER)
+        for i in range(3)
+    ),
+    Peripheral("USART1", "27.6", USART, 0, 0x40013800, (_APB2, 14), _USART),
+    Peripheral("USART2", "27.6", USART, 1, 0x40004400, (_APB1, 17), _USART),
+    Peripheral("USART3", "27.6", USART, 2, 0x40004800, (_APB1, 18), _USART),
+    Peripheral("IWDG", "19.4", IWDG, 0, 0x40003000, None, _IWDG),
+    Peripheral("BKP", "6.4", PLAIN, 0, 0x40006C00, (_APB1, 27), _BKP),
+    Peripheral("PWR", "5.4", PLAIN, 0, 0x40007000, (_APB1, 28), _PWR),
+)
+
+NOT_MODELLED: Final = {
+    "TIM5 to TIM14": (),
+    "RTC": ((0x40002800, 0x40002C00),),
+    "WWDG": ((0x40002C00, 0x40003000),),
+    "SPI2": ((0x40003800, 0x40003C00),),
+    "SPI3": ((0x40003C00, 0x40004000),),
+    "I2C1": ((0x40005400, 0x40005800),),
+    "I2C2": ((0x40005800, 0x40005C00),),
+    "USB": ((0x40005C00, 0x40006400),),
+    "CAN": ((0x40006400, 0x40006800),),
+    "ADC1": ((0x40012400, 0x40012800),),
+    "ADC2": ((0x40012800, 0x40012C00),),
+    "SPI1": ((0x40013000, 0x40013400),),
+    "DMA1": ((0x40020000, 0x40020400),),
+    "DMA2": ((0x40020400, 0x40020800),),
+    "CRC": ((0x40023000, 0x40023400),),
+}
+"""Peripherals that the chip has and the twin does not, and where they are."""
+
+
+def place_registers(state: Int64Array) -> None:
+    """Write the tables into a chip's state, with all registers at their reset values."""
+    for peripheral in PERIPHERALS:
+        for register in peripheral.registers:
+            word = (peripheral.base + register.offset - c.PERIPHERALS) // 4
+            state[c.VALUE + word] = register.reset
+            state[c.WRITABLE + word] = register.writable
+            state[c.MODELLED + word] = register.modelled
+            state[c.DEVICE + word] = 16 * peripheral.kind + peripheral.number
+            state[c.CLOCK + word] = -1
+            if peripheral.clock is not None:
+                offset, bit = peripheral.clock
+                state[c.CLOCK + word] = 32 * ((0x40021000 + offset - c.PERIPHERALS) // 4) + bit
+
+
+def name_of(address: int) -> str:
+    """Return the name of a register or peripheral at an address, such as `TIM2 SMCR`; else the address."""
+    for peripheral in PERIPHERALS:
+        if peripheral.base <= address < peripheral.base + 0x400:
+            found = next((each.name for each in peripheral.registers if each.offset == address - peripheral.base), None)
+            return f"{peripheral.name} {found or f'offset 0x{address - peripheral.base:X}'}"
+    for name, places in NOT_MODELLED.items():
+        if any(begin <= address < end for begin, end in places):
+            return name
+    return f"0x{address:08X}"
+
+
+RESET_PRIORITIES: Final = np.array([0, -3, -2, -1])
+"""Of the initial stack pointer, which is none, reset, NMI and HardFault."""

@@ -1,0 +1,225 @@
+"""TIM1 to TIM4, counting up (RM0008, sections 14 and 15): update, compare, toggle, PWM, one pulse, preload.
+
+A timer that runs has no steps: its counter follows from an instant and a value. It is looked at when a register is
+read or written, and at the next event that somebody waits for.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from steptwin.features.stm32.chip import cells as c
+from steptwin.features.stm32.chip.cells import Cells, integer
+from steptwin.features.stm32.chip.gpio import set_device_pin
+from steptwin.features.stm32.chip.nvic import set_line
+
+CR1, CR2, SMCR, DIER, SR, EGR, CCMR1, CCMR2, CCER, CNT, PSC, ARR, RCR, CCR1 = range(14)
+BDTR: Final = 17
+BASES: Final = np.array([(at - c.PERIPHERALS) // 4 for at in (0x40012C00, 0x40000000, 0x40000400, 0x40000800)])
+_UPDATE_IRQ: Final = np.array([25, 28, 29, 30])
+_COMPARE_IRQ: Final = np.array([27, 28, 29, 30])
+CEN, UDIS, URS, OPM, ARPE = 1, 2, 4, 8, 0x80
+UIF: Final = 1
+
+
+@integer
+def _mode(s: Cells, timer: int, channel: int) -> int:
+    """Return OCxM of a channel, and 8 if its compare register is preloaded."""
+    word = s[c.VALUE + int(BASES[timer]) + CCMR1 + channel // 2] >> 8 * (channel % 2)
+    return word >> 4 & 7 | word & 8
+
+
+@integer
+def _shows(s: Cells, timer: int, channel: int) -> bool:
+    """Return whether a channel drives its pin."""
+    base = c.VALUE + int(BASES[timer])
+    return s[base + CCER] >> 4 * channel & 1 != 0 and (timer > 0 or s[base + BDTR] >> 15 & 1 != 0)
+
+
+@integer
+def show(s: Cells, timer: int, channel: int) -> None:
+    """Set the pin of a channel to the channel's level."""
+    inverted = s[c.VALUE + int(BASES[timer]) + CCER] >> 4 * channel + 1 & 1
+    level = s[c.OUTPUT + 4 * timer + channel] ^ inverted if _shows(s, timer, channel) else 0
+    set_device_pin(s, s[c.CHANNEL_PIN + 4 * timer + channel], level)
+
+
+@integer
+def _set_output(s: Cells, timer: int, channel: int, level: int) -> None:
+    if s[c.OUTPUT + 4 * timer + channel] != level:
+        s[c.OUTPUT + 4 * timer + channel] = level
+        show(s, timer, channel)
+
+
+@integer
+def set_timer_lines(s: Cells, timer: int) -> None:
+    """Ask for the timer's interrupts."""
+    base = c.VALUE + int(BASES[timer])
+    asked = s[base + SR] & s[base + DIER]
+    if timer:
+        set_line(s, int(_UPDATE_IRQ[timer]), 1 if asked & 0x1F else 0)
+    else:
+        set_line(s, int(_UPDATE_IRQ[0]), asked & UIF)
+        set_line(s, int(_COMPARE_IRQ[0]), 1 if asked & 0x1E else 0)
+
+
+@integer
+def _period(s: Cells, timer: int) -> int:
+    """Return the ticks from 0 to 0; a counter beyond its end counts on to 65 535 once."""
+    return s[c.RELOAD + timer] + 1 if s[c.COUNTER + timer] <= s[c.RELOAD + timer] else 0x10000
+
+
+@integer
+def _ticks_to(s: Cells, timer: int, value: int) -> int:
+    """Return the ticks until the counter reaches a value next, at least 1; `NEVER` if it does not."""
+    period, now = _period(s, timer), s[c.COUNTER + timer]
+    if value > now:
+        return value - now if value < period else c.NEVER
+    return period - now + value if value <= s[c.RELOAD + timer] else c.NEVER
+
+
+@integer
+def _is_awaited(s: Cells, timer: int, bit: int) -> bool:
+    """Return whether somebody would notice an event: update is 0, the channels are 1 to 4."""
+    base = c.VALUE + int(BASES[timer])
+    if not s[base + SR] >> bit & 1 or s[base + DIER] >> bit & 1:
+        return True
+    if bit:
+        return _shows(s, timer, bit - 1)
+    return s[base + CR1] & OPM != 0 or _has_preload(s, timer)
+
+
+@integer
+def _has_preload(s: Cells, timer: int) -> bool:
+    base = c.VALUE + int(BASES[timer])
+    if s[base + PSC] != s[c.PRESCALER + timer] or s[base + ARR] != s[c.RELOAD + timer]:
+        return True
+    for channel in range(4):
+        if s[base + CCR1 + channel] != s[c.COMPARE + 4 * timer + channel]:
+            return True
+        if _shows(s, timer, channel) and _mode(s, timer, channel) & 7 >= 6:
+            return True
+    return False
+
+
+@integer
+def schedule_timer(s: Cells, timer: int) -> None:
+    """Find when the timer's next event is that somebody waits for."""
+    if not s[c.VALUE + int(BASES[timer]) + CR1] & CEN or s[c.RELOAD + timer] == 0:
+        s[c.DUES + c.TIMER_DUE + timer] = c.NEVER
+        return
+    ticks = _ticks_to(s, timer, 0) if _is_awaited(s, timer, 0) else c.NEVER
+    for channel in range(4):
+        if _is_awaited(s, timer, channel + 1):
+            ticks = min(ticks, _ticks_to(s, timer, s[c.COMPARE + 4 * timer + channel]))
+    due = c.NEVER if ticks == c.NEVER else s[c.COUNTER_AT + timer] + ticks * s[c.COUNTER_TICK + timer]
+    s[c.DUES + c.TIMER_DUE + timer] = due
+
+
+@integer
+def count_to(s: Cells, timer: int, now: int) -> None:
+    """Let the counter of a timer that runs pass on to an instant before its next awaited event, or to that event."""
+    if not s[c.VALUE + int(BASES[timer]) + CR1] & CEN or s[c.RELOAD + timer] == 0:
+        s[c.COUNTER_AT + timer] = now
+        return
+    ticks = (now - s[c.COUNTER_AT + timer]) // s[c.COUNTER_TICK + timer]
+    s[c.COUNTER_AT + timer] += ticks * s[c.COUNTER_TICK + timer]
+    period = _period(s, timer)
+    value = s[c.COUNTER + timer] + ticks
+    if value >= period:
+        value = (value - period) % (s[c.RELOAD + timer] + 1)
+    s[c.COUNTER + timer] = value
+
+
+@integer
+def load(s: Cells, timer: int) -> None:
+    """Take over the preloaded registers, as an update does."""
+    base = c.VALUE + int(BASES[timer])
+    s[c.PRESCALER + timer], s[c.RELOAD + timer] = s[base + PSC], s[base + ARR]
+    for channel in range(4):
+        s[c.COMPARE + 4 * timer + channel] = s[base + CCR1 + channel]
+    set_tick(s, timer)
+
+
+@integer
+def set_tick(s: Cells, timer: int) -> None:
+    """Set the length of a tick: the APB's clock, doubled if the APB is divided, by the prescaler (RM0008, 7.2)."""
+    divider = s[c.VALUE + (0x40021004 - c.PERIPHERALS) // 4] >> (8 if timer else 11) & 7
+    cycles = 1 << max(divider - 4, 0)  # 2 << (divider - 4), halved
+    s[c.COUNTER_TICK + timer] = s[c.CYCLE] * cycles * (s[c.PRESCALER + timer] + 1)
+
+
+@integer
+def timer_event(s: Cells, timer: int) -> None:
+    """Do what happens at the instant `AT`, which is the timer's next awaited event."""
+    count_to(s, timer, s[c.AT])
+    base = c.VALUE + int(BASES[timer])
+    value = s[c.COUNTER + timer]
+    if value == 0 and not s[base + CR1] & UDIS:
+        s[base + SR] |= UIF
+        load(s, timer)
+        if s[base + CR1] & OPM:
+            s[base + CR1] &= ~CEN
+    for channel in range(4):
+        mode = _mode(s, timer, channel) & 7
+        matches = s[c.COMPARE + 4 * timer + channel] == value
+        if matches:
+            s[base + SR] |= 2 << channel
+        if mode >= 6:
+            active = value < s[c.COMPARE + 4 * timer + channel]
+            _set_output(s, timer, channel, 1 if active == (mode == 6) else 0)
+        elif matches and mode in (1, 2):
+            _set_output(s, timer, channel, mode & 1)
+        elif matches and mode == 3:
+            _set_output(s, timer, channel, 1 - s[c.OUTPUT + 4 * timer + channel])
+    set_timer_lines(s, timer)
+    schedule_timer(s, timer)
+
+
+@integer
+def read_timer(s: Cells, timer: int, word: int) -> int:
+    """Return a register at the instant `AT`."""
+    if word == CNT:
+        count_to(s, timer, s[c.AT])
+        return s[c.COUNTER + timer]
+    return s[c.VALUE + int(BASES[timer]) + word]
+
+
+@integer
+def write_timer(s: Cells, timer: int, word: int, value: int, before: int) -> None:
+    """Write a register, whose value is stored already, at the instant `AT`."""
+    base = c.VALUE + int(BASES[timer])
+    if word == CR1 and before & CEN == 0:
+        s[c.COUNTER_AT + timer] = s[c.AT]
+    else:
+        new = s[base + word]
+        s[base + word] = before
+        count_to(s, timer, s[c.AT])
+        s[base + word] = new
+    if word == SR:
+        s[base + SR] = before & value
+    elif word == CNT:
+        s[c.COUNTER + timer], s[c.COUNTER_AT + timer] = value & 0xFFFF, s[c.AT]
+    elif word == ARR and not s[base + CR1] & ARPE:
+        s[c.RELOAD + timer] = s[base + ARR]
+    elif CCR1 <= word < CCR1 + 4 and not _mode(s, timer, word - CCR1) & 8:
+        s[c.COMPARE + 4 * timer + word - CCR1] = s[base + word]
+    elif word == EGR:
+        s[base + EGR] = 0
+        if value & 1:
+            load(s, timer)
+            s[c.COUNTER + timer], s[c.COUNTER_AT + timer] = 0, s[c.AT]
+            if not s[base + CR1] & (URS | UDIS):
+                s[base + SR] |= UIF
+        s[base + SR] |= value & 0x1E
+    for channel in range(4):
+        mode = _mode(s, timer, channel) & 7
+        if mode in (4, 5):
+            _set_output(s, timer, channel, mode & 1)
+        elif mode >= 6:
+            active = s[c.COUNTER + timer] < s[c.COMPARE + 4 * timer + channel]
+            _set_output(s, timer, channel, 1 if active == (mode == 6) else 0)
+        if word in (CCER, BDTR):
+            show(s, timer, channel)
+    set_timer_lines(s, timer)
+    schedule_timer(s, timer)

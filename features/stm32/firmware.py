@@ -1,0 +1,196 @@
+"""An image of an STM32F103 as what an emulated board runs: its pins' edges go to the drivers, switches to its pins."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
+
+from steptwin.controller.node.pins import Pin, PinChange
+from steptwin.emulator.board.board_firmware import FirmwareError
+from steptwin.features.firmware.native_firmware import NativeFrames, NativeMotion
+from steptwin.features.stm32.chip.engine import Chip
+from steptwin.features.stm32.image import Image
+from steptwin.features.stm32.outcome import fault_sentence
+from steptwin.features.stm32.section import INPUTS, Stm32
+from steptwin.protocol.cia402 import DigitalInput, ErrorCode
+from steptwin.protocol.frame import Frame
+from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
+
+if TYPE_CHECKING:
+    from steptwin.emulator.board.board import Board
+
+_AHEAD_COUNTS: Final = COUNTS_PER_MS // 40
+"""Time by which the image runs ahead at once until a pulse is long enough for its driver."""
+_STEP, _DIR, _ENABLE = 0, 1, 2
+_MODE_COUNTS, _RESET_COUNTS, _ENABLE_COUNTS = 1000, 3000, 4000
+"""When the pins that no wire of the chip sets get their levels after power-up."""
+
+
+class ImageFirmware:
+    """An image from one power-up to the next."""
+
+    def __init__(self, image: Image, wiring: Stm32, axes: Sequence[tuple[str, int]], board: "Board") -> None:
+        """Wire a chip for a board; it begins with `boot`."""
+        self.image, self._wiring, self._drivers = image, wiring, board.drivers
+        self.chip: Chip | None = None
+        self.motion: NativeMotion = NativeMotion(len(axes))
+        self.transmit: NativeFrames = NativeFrames()
+        self.pins: list[PinChange] = []
+        self.due_counts: int | None = None
+        self._inputs: tuple[DigitalInput, ...] = (DigitalInput(0),) * len(axes)
+        self._joints = [wiring.joints[name] for name, _ in axes]
+        self._wires: dict[int, list[tuple[int, int, int]]] = {}
+        """By number of a pin, what hangs there: axis, what it is, and whether it is inverted."""
+        for axis, joint in enumerate(self._joints):
+            for what, key in enumerate(("step", "dir", "enable")):
+                if (pin := joint.pin(key)) is not None:
+                    self._wires.setdefault(pin.number, []).append((axis, what, int(pin.inverted)))
+        self._straps = self._strapped([microsteps for _, microsteps in axes])
+
+    def _strapped(self, microsteps: Sequence[int]) -> list[PinChange]:
+        """Return the levels of the drivers' pins that no wire of the chip sets, in order of time after power-up."""
+        straps: list[PinChange] = []
+        for axis, (joint, driver) in enumerate(zip(self._joints, self._drivers.drivers, strict=True)):
+            if driver.module.switches is None:
+                levels = driver.module.chip.modes.value.levels(microsteps[axis])
+                straps += (PinChange(_MODE_COUNTS, axis, Pin(name), level) for name, level in levels.items() if level)
+                straps.append(PinChange(_RESET_COUNTS, axis, Pin.RESET, 1))
+            if joint.pin("enable") is None:
+                straps.append(PinChange(_ENABLE_COUNTS, axis, Pin.ENABLE, 1))
+        return sorted(straps, key=lambda change: change.counts)
+
+    @property
+    def next_due_counts(self) -> int | None:
+        """Nothing is ever due: the chip's devices act while time passes."""
+        return None
+
+    def end(self) -> None:
+        """Free the chip."""
+        if self.chip is not None:
+            self.chip.close()
+
+    def boot(self, now_counts: int) -> None:
+        """Power up."""
+        wiring = self._wiring
+        self.chip = Chip(
+            self.image.segments,
+            self.image.vectors,
+            flash_kb=wiring.flash_kb,
+            ram_kb=wiring.ram_kb,
+            crystal_hz=wiring.crystal_hz,
+            main=self.image.address_of("main"),
+        )
+        for number, wires in self._wires.items():
+            axis, what, inverted = wires[0]
+            released = what == _ENABLE and self._drivers.drivers[axis].module.enable_open
+            self.chip.watch(number, released=released != bool(inverted))
+        self._straps = [change._replace(counts=now_counts + change.counts) for change in self._straps]
+        self.motion.reached_counts = now_counts
+        self.chip.begin(now_counts)
+        self._pass_inputs()
+        for number in self._wires:
+            self._take_level(now_counts, number, self.chip.level(number))
+
+    # --- in
+
+    def receive(self, frame: Frame, now_counts: int) -> None:
+        """Frames are not told: the chip's CAN controller is not modelled."""
+
+    def hears(self, cob_id: int) -> bool:  # noqa: ARG002
+        """Return False: no frame reaches the chip."""
+        return False
+
+    def on_can_error(self, code: ErrorCode, now_counts: int, *, active: bool) -> None:
+        """Nor are errors of the bus told."""
+
+    def on_bus_off(self, now_counts: int) -> None:
+        """Nor is bus-off."""
+
+    def set_inputs(self, inputs: Sequence[DigitalInput], now_counts: int) -> None:  # noqa: ARG002
+        """Set the levels of all inputs at the instant that the chip has reached."""
+        self._inputs = tuple(inputs)
+        self._pass_inputs()
+
+    def _pass_inputs(self) -> None:
+        if self.chip is None:
+            return
+        for joint, active in zip(self._joints, self._inputs, strict=True):
+            for key, which in INPUTS.items():
+                if (pin := joint.pin(key)) is not None:
+                    self.chip.drive(pin.number, level=bool(active & which) != pin.inverted)
+
+    def measure(self, supply_10mv: int, temperature_decidegc: int, now_counts: int) -> None:
+        """Analogue inputs are not told."""
+
+    # --- time forward
+
+    def advance(self, until_counts: int) -> int:
+        """Let time pass until then, or until an axis begins to move; return the instant reached."""
+        motion = self.motion
+        if self.chip is None:
+            motion.reached_counts = max(motion.reached_counts, until_counts)
+        while motion.reached_counts < until_counts:
+            starts = motion.starts
+            self._run(until_counts)
+            if motion.starts != starts:
+                break
+        pulse_counts = self._drivers.pulse_min_counts
+        while self.chip is not None and motion.begins_pulse(pulse_counts):
+            self._run(motion.reached_counts + _AHEAD_COUNTS)
+        return min(motion.reached_counts, until_counts)
+
+    def poll(self, now_counts: int) -> None:
+        """Do nothing: all work is done while time passes."""
+
+    def _run(self, until_counts: int) -> None:
+        assert self.chip is not None
+        self.chip.run(until_counts)
+        counts, pins = self.chip.take_edges()
+        for at, pin in zip(counts.tolist(), pins.tolist(), strict=True):
+            self._take_level(at, pin >> 1, pin & 1)
+        self.motion.reached_counts = max(self.chip.now_counts, self.motion.reached_counts)
+        while self._straps and self._straps[0].counts <= self.motion.reached_counts:
+            self.pins.append(self._straps.pop(0))
+        self.motion.let_rest()
+        if sentence := fault_sentence(self.chip, self.image):
+            raise FirmwareError(f"{sentence}, at {self.chip.now_counts / COUNTS_PER_SECOND:.9f} s")
+
+    def _take_level(self, counts: int, number: int, chip_level: int) -> None:
+        for axis, what, inverted in self._wires[number]:
+            level, pulses = chip_level ^ inverted, self.motion.axes[axis]
+            if pulses.levels[what] == level:
+                continue
+            pulses.levels[what] = level
+            if what == _ENABLE:
+                self.pins.append(PinChange(counts, axis, Pin.ENABLE, level))
+                continue
+            self.motion.note(axis)
+            pulses.moved_counts = counts
+            if what == _DIR:
+                pulses.direction.append(2 * counts + level)
+            else:
+                pulses.undrained_pulses += 1
+                pulses.stepped_counts = max(counts, pulses.stepped_counts + 1)  # two edges within a count
+                pulses.clk.append(pulses.stepped_counts)
+
+    def take_pins(self) -> list[PinChange]:
+        """Return the pin changes since the last call."""
+        pins, self.pins = self.pins, []
+        return pins
+
+
+class ImageProgram:
+    """An image as the program of a board."""
+
+    def __init__(self, image: Image, wiring: Stm32, axes: Sequence[tuple[str, int]]) -> None:
+        """Take an image for the axes with these names and microsteps."""
+        self._image, self._wiring, self._axes = image, wiring, tuple(axes)
+        self._running: ImageFirmware | None = None
+
+    def start(self, board: "Board") -> ImageFirmware:
+        """Return the firmware that begins; the one before it ends."""
+        if self._running is not None:
+            self._running.end()
+        self._running = ImageFirmware(self._image, self._wiring, self._axes, board)
+        return self._running
+
+    def connect(self, board: "Board") -> None:
+        """Need nothing of the board."""
