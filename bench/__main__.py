@@ -5,7 +5,7 @@ A word prints only some of them: `timing` those of the kernel's step timing besi
 `fastest` those of motions as fast as the limits allow, `motor-limited` those of motions as fast as the motors manage,
 `package` those of the wheel's size and of start-up, `panel` those of the operator's panel, `motors` those of motors
 after a run, `live-motors [PAIRS]` those of motors that turn with a live board, `workers` that of a campaign's workers,
-`firmware` those of a user's own firmware, and `live` those of a live board, with a stream of a minute and a million
+`firmware` those of a user's own firmware, `images` those of images for the STM32F103, and `live` those of a live board, with a stream of a minute and a million
 frames.
 """
 
@@ -22,6 +22,7 @@ from rich.table import Table
 from steptwin.bench.bulk_speed import driver_table, kinematics_table, rotor_table, waveform_table
 from steptwin.bench.drawer_pull import compiled_text, drawer_pull_table, workers_table
 from steptwin.bench.fastest_motions import corners_text, gcode_table, motions_table, motor_limited_table, random_text
+from steptwin.bench.image_speed import image_tables
 from steptwin.bench.kernel_speed import cyclic_table, kernel_table, scaling_tables, timing_table
 from steptwin.bench.live_board import live_motors_table, live_tables
 from steptwin.bench.own_firmware import firmware_tables
@@ -41,6 +42,7 @@ _WORDS: Final[dict[str, Callable[..., Iterable[Table | str]]]] = {
     "package": package_tables,
     "panel": panel_tables,
     "firmware": firmware_tables,
+    "images": image_tables,
     "motors": lambda: [rotor_table()],
     "live-motors": lambda *pairs: [live_motors_table(*map(int, pairs))],
     "workers": lambda: [workers_table()],

@@ -1,6 +1,6 @@
 """An unmodified image of an STM32F103 on the emulated board: its core, its peripherals, its pins at the drivers.
 
-It imports the feature `firmware`, whose boards run a user's firmware as well, for the edges on their way to the drivers.
+It imports the feature `firmware`, whose boards run a user's firmware as well, for edges on their way to the drivers.
 """
 
 from collections.abc import Callable
@@ -39,7 +39,7 @@ def _program(options: "Stm32Options | None") -> "Callable[[], BoardProgram] | No
     return None if options is None else options.program()
 
 
-def _check_machine(machine: "MachineOptions", options: "Stm32Options | None", _real_time: bool) -> None:  # noqa: FBT001
+def _check_machine(machine: "MachineOptions", options: "Stm32Options | None", _real_time: bool) -> None:
     if options is not None and options.image is not None and len(machine.axes_per_board or (0,)) > 1:
         raise InputError("boards: one STM32F103 drives all axes: leave boards out, or image")
 

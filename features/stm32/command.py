@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import MISSING
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -9,11 +10,14 @@ from steptwin.host.cli.app import command, end_unless
 from steptwin.host.cli.arguments import AnswerOptions, positive_number
 from steptwin.host.cli.options import argument, naming_options, option, switch
 from steptwin.host.cli.output import number_of, print_table, say, warn
+from steptwin.host.common.bad_input import known
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.extras import installing
 
 if TYPE_CHECKING:
     from steptwin.features.stm32.running import ImageRun
 
+_FORMS: Final = {"auto": None, "python": False, "numba": True}
 _UNITS_S: Final = {"s": 1.0, "ms": 1e-3}
 _USUAL_S: Final = 10.0
 """Longest time for which a text is waited for, unless `--for` says more."""
@@ -28,6 +32,9 @@ def run_image(
     until: str | None = option("TEXT", "Run until a USART has sent this text, at most 10s or the time of --for."),
     send: str = option("TEXT", "Text for USART1, from the beginning on; \\n ends a line.", default=""),
     strict: bool = switch("Fail at an access that is not modelled."),
+    kernel: str = option(
+        "NAME", "Form of the chip: python, numba (compiled), or auto: numba if it is there.", default="auto"
+    ),
 ) -> None:
     """Run the file that is flashed into an STM32F103, and tell what the drivers make of its pins.
 
@@ -39,10 +46,19 @@ def run_image(
 
     if robot is None:
         raise InputError("--robot is missing: a robot file with a table [stm32], which says how the pins are wired")
+    compiled = _FORMS.get(known("--kernel", kernel, _FORMS))
+    if compiled and find_spec("numba") is None:
+        raise InputError(f"--kernel numba: needs numba: {installing('fast')}; python needs nothing")
     for_s = _USUAL_S if for_ is None and until is not None else _time_s(for_ or "2s")
     with naming_options(image="FILE "):
         run = running.run_image(
-            file, load_robot(robot), for_s=for_s, until=until, strict=strict, given=send.replace("\\n", "\n")
+            file,
+            load_robot(robot),
+            for_s=for_s,
+            until=until,
+            strict=strict,
+            given=send.replace("\\n", "\n"),
+            compiled=compiled,
         )
     answer.tell(run.to_dict(), lambda: _print(run))
     for hint in run.hints:

@@ -27,9 +27,16 @@ _MODE_COUNTS, _RESET_COUNTS, _ENABLE_COUNTS = 1000, 3000, 4000
 class ImageFirmware:
     """An image from one power-up to the next."""
 
-    def __init__(self, image: Image, wiring: Stm32, axes: Sequence[tuple[str, int]], board: "Board") -> None:
-        """Wire a chip for a board; it begins with `boot`."""
-        self.image, self._wiring, self._drivers = image, wiring, board.drivers
+    def __init__(
+        self,
+        image: Image,
+        wiring: Stm32,
+        axes: Sequence[tuple[str, int]],
+        board: "Board",
+        compiled: bool | None,
+    ) -> None:
+        """Wire a chip for a board; it begins with `boot`. For `compiled` see `Chip`."""
+        self.image, self._wiring, self._drivers, self._compiled = image, wiring, board.drivers, compiled
         self.chip: Chip | None = None
         self.motion: NativeMotion = NativeMotion(len(axes))
         self.transmit: NativeFrames = NativeFrames()
@@ -77,6 +84,7 @@ class ImageFirmware:
             ram_kb=wiring.ram_kb,
             crystal_hz=wiring.crystal_hz,
             main=self.image.address_of("main"),
+            compiled=self._compiled,
         )
         for number, wires in self._wires.items():
             axis, what, inverted = wires[0]
@@ -180,16 +188,18 @@ class ImageFirmware:
 class ImageProgram:
     """An image as the program of a board."""
 
-    def __init__(self, image: Image, wiring: Stm32, axes: Sequence[tuple[str, int]]) -> None:
-        """Take an image for the axes with these names and microsteps."""
-        self._image, self._wiring, self._axes = image, wiring, tuple(axes)
+    def __init__(
+        self, image: Image, wiring: Stm32, axes: Sequence[tuple[str, int]], compiled: bool | None = None
+    ) -> None:
+        """Take an image for the axes with these names and microsteps; for `compiled` see `Chip`."""
+        self._image, self._wiring, self._axes, self._compiled = image, wiring, tuple(axes), compiled
         self._running: ImageFirmware | None = None
 
     def start(self, board: "Board") -> ImageFirmware:
         """Return the firmware that begins; the one before it ends."""
         if self._running is not None:
             self._running.end()
-        self._running = ImageFirmware(self._image, self._wiring, self._axes, board)
+        self._running = ImageFirmware(self._image, self._wiring, self._axes, board, self._compiled)
         return self._running
 
     def connect(self, board: "Board") -> None:

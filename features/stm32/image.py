@@ -78,7 +78,8 @@ def read_image(path: Path | str, offset: int = 0, *, flash_kb: int = 128, ram_kb
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
     if offset % _ALIGNED or not 0 <= offset < 1024 * flash_kb:
         raise InputError(
-            f"offset {offset}: is no multiple of {_ALIGNED} from 0 to {1024 * flash_kb - _ALIGNED}, where programs begin"
+            f"offset {offset}: is no multiple of {_ALIGNED} from 0 to {1024 * flash_kb - _ALIGNED},"
+            " where programs begin"
         )
     if content[:4] == b"\x7fELF":
         image = _read_elf(path, offset)
@@ -123,7 +124,7 @@ def _check_machine(path: Path, elf: "ELFFile") -> None:
         raise InputError(f"{path}: is for {str(machine).removeprefix('EM_')}: an STM32F103 needs ARM, 32 bits")
     if elf["e_type"] != "ET_EXEC":
         raise InputError(f"{path}: is not linked ({elf['e_type']}): give the file that is flashed")
-    attributes = elf.get_section_by_name(".ARM.attributes")
+    attributes: Any = elf.get_section_by_name(".ARM.attributes")
     if attributes is None:
         return
     found = {
@@ -132,11 +133,8 @@ def _check_machine(path: Path, elf: "ELFFile") -> None:
         for subpart in part.iter_subsubsections()
         for each in subpart.iter_attributes()
     }
-    profile, core = found.get("TAG_CPU_ARCH_PROFILE"), found.get("TAG_CPU_NAME", "")
-    if profile is not None and chr(int(profile)) != "M" if isinstance(profile, int) else False:
-        raise InputError(f"{path}: is for the ARM core {core or 'of another profile'}: an STM32F103 has a Cortex-M3")
-    architecture = found.get("TAG_CPU_ARCH")
-    if isinstance(architecture, int) and architecture not in _ARCHITECTURES:
+    architecture, core = found.get("TAG_CPU_ARCH"), found.get("TAG_CPU_NAME")
+    if architecture not in (None, *_ARCHITECTURES):
         raise InputError(f"{path}: is for the ARM core {core or architecture}: an STM32F103 has a Cortex-M3")
 
 

@@ -34,8 +34,10 @@ class Stm32Options:
         """Return other options, with those of these that are no defaults in place of theirs."""
         return other if self.image is None else self
 
-    def fitted(self, robot: "Robot", folder: Path) -> "Stm32Options":
+    def fitted(self, robot: "Robot", folder: Path, *, compiled: bool | None = None) -> "Stm32Options":
         """Return the options of a robot's machine, with a relative path that begins at a folder.
+
+        For `compiled` see `FittedOptions`.
 
         Raises:
             InputError: the robot's file has no table `[stm32]`.
@@ -53,6 +55,7 @@ class Stm32Options:
             image=folder / self.image,
             wiring=table,
             axes=tuple((axis.name, axis.transmission.microsteps) for axis in robot.axes),
+            compiled=compiled,
         )
 
     def program(self) -> "Callable[[], BoardProgram] | None":
@@ -68,6 +71,8 @@ class FittedOptions(Stm32Options):
 
     wiring: "Stm32"
     axes: tuple[tuple[str, int], ...]
+    compiled: bool | None = None
+    """True for the chip compiled by numba, False for plain Python, None for numba where it is installed."""
 
     def program(self) -> "Callable[[], BoardProgram] | None":
         """Return what makes the program of a board; raises InputError for what is wrong with the image."""
@@ -79,4 +84,4 @@ class FittedOptions(Stm32Options):
         assert self.image is not None
         wiring = self.wiring
         image = read_image(self.image, wiring.offset, flash_kb=wiring.flash_kb, ram_kb=wiring.ram_kb)
-        return lambda: ImageProgram(image, wiring, self.axes)
+        return lambda: ImageProgram(image, wiring, self.axes, self.compiled)

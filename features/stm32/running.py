@@ -91,8 +91,8 @@ def _jitter_us(axis: AxisEvidence) -> FloatArray:
         return np.empty(0)
     intervals = np.lib.stride_tricks.sliding_window_view(np.diff(counts), _NEIGHBOURS - 1)
     smooth = intervals.max(axis=1) < _SMOOTH * intervals.min(axis=1)
-    off = (np.diff(counts, n=4) / 6)[smooth]
-    return np.abs(off) / COUNTS_PER_US
+    off: FloatArray = np.abs(np.diff(counts, n=4))[smooth] / 6 / COUNTS_PER_US
+    return off
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +156,14 @@ class ImageRun:
 
 
 def run_image(
-    path: Path, robot: Robot, *, for_s: float, until: str | None = None, strict: bool = False, given: str = ""
+    path: Path,
+    robot: Robot,
+    *,
+    for_s: float,
+    until: str | None = None,
+    strict: bool = False,
+    given: str = "",
+    compiled: bool | None = None,
 ) -> ImageRun:
     """Run an image on a robot's machine.
 
@@ -167,12 +174,13 @@ def run_image(
         until: a text that ends the run when a USART has sent it; the run fails if none has.
         strict: an access that is not modelled fails the run.
         given: text that arrives at USART1 from the beginning on.
+        compiled: True for the chip compiled by numba, False for plain Python, None for numba where it is installed.
 
     Raises:
         InputError: the image cannot run on this chip, or has not reached its `main`, or the robot has no chip.
     """
     begun_s = perf_counter()
-    options = Stm32Options(image=path).fitted(robot, Path())
+    options = Stm32Options(image=path).fitted(robot, Path(), compiled=compiled)
     parts = MachineParts.of(robot, python_kernel(), MachineOptions(extras=(options,)))
     simulation = (machine := EmulatedMachine(parts)).simulation
     firmware = simulation.boards[0].running

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, Final
 
 from steptwin.host.common.bad_input import unknown
@@ -129,5 +129,5 @@ class Stm32(FileTable):
                 findings.add(str(unknown("stm32.joints: joint", name, robot.axis_names)))
         for name in robot.axis_names:
             if name not in self.joints:
-                findings.add(f"stm32.joints.{name}: is missing: its pins, such as step = \"PA0\", dir = \"PA1\"")
+                findings.add(f'stm32.joints.{name}: is missing: its pins, such as step = "PA0", dir = "PA1"')
         findings.raise_first()

@@ -17,6 +17,9 @@ from steptwin.features.stm32.chip.usarts import listen, read_usart, write_usart
 
 RCC, GPIO, AFIO, EXTI, TIMER = registers.RCC, registers.GPIO, registers.AFIO, registers.EXTI, registers.TIMER
 USART, IWDG, FLASH = registers.USART, registers.IWDG, registers.FLASH
+RAM, RAM_BITS, PERIPHERAL_BITS = 0x20000000, 0x22000000, 0x42000000
+"""The RAM, and the aliases of single bits of RAM and peripherals (PM0056, 2.2.5)."""
+_SPACE: Final = 0xE0000000
 _FLASH_ACR: Final = (0x40022000 - c.PERIPHERALS) // 4
 _IWDG_KR: Final = (0x40003000 - c.PERIPHERALS) // 4
 _LSI_HZ: Final = 40_000
@@ -37,14 +40,18 @@ def arrive(s: Cells) -> None:
 
 @integer
 def read(s: Cells, address: int, size: int) -> int:
-    """Return what 1, 2 or 4 bytes read."""
-    value = _read_word(s, address & ~3) >> 8 * (address & 3)
-    return value & (1 << 8 * size) - 1
+    """Return what 1, 2 or 4 bytes of a peripheral read, or a bit by its alias, at the instant `AT`."""
+    if address < c.PERIPHERALS:
+        place = RAM + (address - RAM_BITS >> 5)
+        return read_memory(s, place, 1) >> (address >> 2 & 7) & 1
+    if PERIPHERAL_BITS <= address < _SPACE:
+        return _read_word(s, c.PERIPHERALS + (address - PERIPHERAL_BITS >> 5 & ~3)) >> (address >> 2 & 31) & 1
+    return _read_word(s, address & ~3) >> 8 * (address & 3) & (1 << 8 * size) - 1
 
 
 @integer
 def _read_word(s: Cells, address: int) -> int:
-    if address >= 0xE0000000:
+    if address >= _SPACE:
         return read_system(s, address)
     word = (address - c.PERIPHERALS) // 4
     device = s[c.DEVICE + word] if word < c.REGISTER_WORDS else 0
@@ -72,9 +79,21 @@ def _has_clock(s: Cells, word: int) -> bool:
 
 @integer
 def write(s: Cells, address: int, size: int, value: int) -> None:
-    """Write 1, 2 or 4 bytes; a part of a word leaves the others 0, as on the chip's peripheral buses."""
-    if address >= 0xE0000000:
+    """Write 1, 2 or 4 bytes of a peripheral, or a bit by its alias, at the instant `AT`.
+
+    A part of a word leaves the others 0, as on the chip's peripheral buses. A bit's word is read and written.
+    """
+    if address < c.PERIPHERALS:
+        place, bit = RAM + (address - RAM_BITS >> 5), 1 << (address >> 2 & 7)
+        before = read_memory(s, place, 1)
+        write_memory(s, place, 1, before | bit if value & 1 else before & ~bit)
+        return
+    if address >= _SPACE:
         write_system(s, address, size, value)
+    elif address >= PERIPHERAL_BITS:
+        word, bit = c.PERIPHERALS + (address - PERIPHERAL_BITS >> 5 & ~3), 1 << (address >> 2 & 31)
+        before = _read_word(s, word)
+        _write_word(s, word, before | bit if value & 1 else before & ~bit)
     else:
         _write_word(s, address & ~3, (value & (1 << 8 * size) - 1) << 8 * (address & 3))
     next_due(s)
@@ -120,32 +139,3 @@ def _write_word(s: Cells, address: int, value: int) -> None:
         if s[c.WATCHDOG_ON] and value in (0xCCCC, 0xAAAA):
             ticks = (s[c.VALUE + _IWDG_KR + 2] + 1) * (4 << min(s[c.VALUE + _IWDG_KR + 1], 6))
             s[c.DUES + c.WATCHDOG_DUE] = s[c.AT] + ticks * (_GRAINS_PER_SECOND // _LSI_HZ)
-
-
-@integer
-def read_bit(s: Cells, alias: int) -> int:
-    """Return a bit of the peripherals by its alias from 0x42000000 on (PM0056, 2.2.5)."""
-    return _read_word(s, c.PERIPHERALS + (alias >> 5 & ~3)) >> (alias >> 2 & 31) & 1
-
-
-@integer
-def write_bit(s: Cells, alias: int, value: int) -> None:
-    """Write a bit of the peripherals by its alias: the word is read and written."""
-    address, bit = c.PERIPHERALS + (alias >> 5 & ~3), 1 << (alias >> 2 & 31)
-    before = _read_word(s, address)
-    _write_word(s, address, before | bit if value & 1 else before & ~bit)
-    next_due(s)
-
-
-@integer
-def read_memory_bit(s: Cells, alias: int) -> int:
-    """Return a bit of the RAM by its alias from 0x22000000 on."""
-    return read_memory(s, 0x20000000 + (alias >> 5), 1) >> (alias >> 2 & 7) & 1
-
-
-@integer
-def write_memory_bit(s: Cells, alias: int, value: int) -> None:
-    """Write a bit of the RAM by its alias."""
-    address, bit = 0x20000000 + (alias >> 5), 1 << (alias >> 2 & 7)
-    before = read_memory(s, address, 1)
-    write_memory(s, address, 1, before | bit if value & 1 else before & ~bit)

@@ -1,9 +1,9 @@
 """The places of a chip's state in its one array of int64, and the mark of the functions that work on it."""
 
-from collections.abc import Callable, MutableSequence
-from typing import Any, Final, TypeVar
+from collections.abc import Callable
+from typing import Any, Final, TypeAlias, TypeVar
 
-Cells = MutableSequence[int]
+Cells: TypeAlias = "memoryview[int]"
 """The state: a memoryview of int64 in plain Python, an int64 array in numba."""
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -32,6 +32,10 @@ NEVER: Final = 1 << 62
 
 # --- libunicorn: its engine, and the addresses of its functions
 UC: Final = _cells()
+SELF: Final = _cells()
+"""Address of the state itself."""
+SOURCES: Final = _cells()
+"""A number that is made of the sources of these modules."""
 READ_REGISTER: Final = _cells()
 WRITE_REGISTER: Final = _cells()
 READ_MEMORY: Final = _cells()
@@ -72,6 +76,8 @@ EVENT: Final = _cells()
 """The event that WFE waits for is registered."""
 EXCEPTION: Final = _cells()
 """The number by which unicorn has reported an exception of its own; -1 for none."""
+ACCESS: Final = _cells()
+"""Address of the access to a peripheral that is being made."""
 STOPPED: Final = _cells()
 """1 if a hook has stopped unicorn."""
 VECTORS: Final = _cells()
@@ -81,6 +87,9 @@ FAULT: Final = _cells()
 """Why the processor cannot go on, one of `Fault`; 0 while it can."""
 FAULT_AT: Final = _cells()
 FAULT_PC: Final = _cells()
+
+FRAME: Final = _cells(4)
+"""Eight words on their way to the stack or from it, two in each."""
 
 # --- NVIC
 EXCEPTIONS: Final = 76
@@ -110,7 +119,7 @@ PENDED_AT: Final = _cells(EXCEPTIONS)
 SYSTICK_CONTROL: Final = _cells()
 SYSTICK_LOAD: Final = _cells()
 SYSTICK_LEFT: Final = _cells()
-"""Grains left until 0 while SysTick stands."""
+"""Ticks left until SysTick is 0, when it was looked at last; 0: it takes its reload first."""
 CYCLES_BASE: Final = _cells()
 """Cycles of DWT at `CYCLES_BASE_AT`."""
 CYCLES_BASE_AT: Final = _cells()

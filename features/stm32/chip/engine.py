@@ -10,6 +10,7 @@ import numpy as np
 
 from steptwin.features.stm32.chip import bus, gpio, processor, timers, usarts
 from steptwin.features.stm32.chip import cells as c
+from steptwin.features.stm32.chip.cells import Cells
 from steptwin.features.stm32.chip.clocks import HSI_HZ
 from steptwin.features.stm32.chip.libunicorn import FUNCTIONS, address_of, library
 from steptwin.features.stm32.chip.nvic import SP
@@ -18,102 +19,72 @@ from steptwin.host.common.arrays import Int64Array
 
 RAM_START: Final = 0x20000000
 _SYSTEM_MEMORY: Final = 0x1FFFF000
-_PERIPHERAL_BYTES: Final = 4 * c.REGISTER_WORDS + 0x2000
-_SPACE: Final = 0xE0000000
-_SPACE_BYTES: Final = 0x100000
-_ALIAS_BYTES: Final = 32 * _PERIPHERAL_BYTES
+_PERIPHERAL_BYTES: Final = 0x26000
+_ACCESSES: Final = (
+    (c.PERIPHERALS, _PERIPHERAL_BYTES),
+    (bus.PERIPHERAL_BITS, 32 * _PERIPHERAL_BYTES),
+    (bus.RAM_BITS, 32 * 0x10000),
+    (0xE0000000, 0x100000),
+)
+"""Addresses and sizes of what the hooks read and write."""
 _UNIQUE_ID: Final = b"StepTwin\x01\x02\x03\x04"
 
 
 class Hooks(NamedTuple):
-    """Addresses of the functions that unicorn calls, and the function that runs a chip."""
+    """What unicorn calls, and what runs a chip.
 
-    block: int
-    exception: int
-    unmapped: int
-    reads: Sequence[int]
-    """Of peripherals, system space, the peripherals' aliases and the RAM's."""
-    writes: Sequence[int]
-    """Likewise."""
-    touched: int
-    """Does nothing: while it is there, unicorn keeps PC exact at accesses."""
+    Attributes:
+        addresses: of the functions that unicorn calls: before a block, at an exception of its own, at an access to
+            nothing, before an access to a peripheral, to read it, and to write it. The fourth one notes the address;
+            while there is such a function, unicorn keeps PC exact at accesses, too.
+        run: runs a chip until an instant in grains.
+        kept: what must live as long as the addresses.
+    """
+
+    addresses: tuple[int, ...]
     run: Callable[[Any, int], None]
     kept: Any
-    """What must live as long as the addresses."""
-
-
-_ACCESSES: Final = (
-    # region: base, what reads and writes it by address and size
-    (c.PERIPHERALS, _PERIPHERAL_BYTES),
-    (_SPACE, _SPACE_BYTES),
-    (0x42000000, _ALIAS_BYTES),
-    (0x22000000, 32 * 0x10000),
-)
-
-
-def _read_region(s: Any, region: int, offset: int, size: int) -> int:
-    if region <= 1:
-        bus.arrive(s)
-        return bus.read(s, (_SPACE if region else c.PERIPHERALS) + offset, size)
-    if region == 2:
-        bus.arrive(s)
-        return bus.read_bit(s, offset)
-    return bus.read_memory_bit(s, offset)
-
-
-def _write_region(s: Any, region: int, offset: int, size: int, value: int) -> None:
-    if region <= 1:
-        bus.arrive(s)
-        bus.write(s, (_SPACE if region else c.PERIPHERALS) + offset, size, value & 0xFFFFFFFF)
-    elif region == 2:
-        bus.arrive(s)
-        bus.write_bit(s, offset, value)
-    else:
-        bus.write_memory_bit(s, offset, value)
 
 
 def python_hooks(s: Any) -> Hooks:
     """Return the reference: hooks in plain Python for one chip's state."""
-    pointer, word, long = ctypes.c_void_p, ctypes.c_uint32, ctypes.c_uint64
-    block = ctypes.CFUNCTYPE(None, pointer, long, word, pointer)(
-        lambda _uc, address, size, _: processor.on_block(s, address, size)
-    )
-    exception = ctypes.CFUNCTYPE(None, pointer, word, pointer)(
-        lambda _uc, number, _: processor.on_exception(s, number)
-    )
 
-    def found_nothing(_uc: int, _kind: int, address: int, _size: int, _value: int, _: int) -> bool:
+    def unmapped(_uc: int, _kind: int, address: int, _size: int, _value: int, _state: int) -> bool:
         processor.on_unmapped(s, address)
         return False
 
-    access = [ctypes.c_void_p, ctypes.c_int, long, ctypes.c_int, ctypes.c_int64, pointer]
-    unmapped = ctypes.CFUNCTYPE(ctypes.c_bool, *access)(found_nothing)
-    touched = ctypes.CFUNCTYPE(None, *access)(lambda *_: None)
+    def access(_uc: int, _kind: int, address: int, _size: int, _value: int, _state: int) -> None:
+        s[c.ACCESS] = address
 
-    def reader(region: int) -> Any:
-        return ctypes.CFUNCTYPE(long, pointer, long, word, pointer)(
-            lambda _uc, offset, size, _: _read_region(s, region, offset, size)
-        )
+    def read(_uc: int, _offset: int, size: int, _state: int) -> int:
+        bus.arrive(s)
+        return bus.read(s, s[c.ACCESS], size)
 
-    def writer(region: int) -> Any:
-        return ctypes.CFUNCTYPE(None, pointer, long, word, long, pointer)(
-            lambda _uc, offset, size, value, _: _write_region(s, region, offset, size, value)
-        )
+    def write(_uc: int, _offset: int, size: int, value: int, _state: int) -> None:
+        bus.arrive(s)
+        bus.write(s, s[c.ACCESS], size, value & 0xFFFFFFFF)
 
-    readers, writers = [reader(i) for i in range(4)], [writer(i) for i in range(4)]
-    kept = block, exception, unmapped, touched, readers, writers
-    at = [ctypes.cast(each, pointer).value or 0 for each in (block, exception, unmapped, *readers, *writers, touched)]
-    return Hooks(*at[:3], at[3:7], at[7:11], at[11], processor.run, kept)
+    pointer, word, long = ctypes.c_void_p, ctypes.c_uint32, ctypes.c_uint64
+    accessed = pointer, ctypes.c_int, long, ctypes.c_int, ctypes.c_int64, pointer
+    kept = (
+        ctypes.CFUNCTYPE(None, pointer, long, word, pointer)(
+            lambda _uc, address, size, _: processor.on_block(s, address, size)
+        ),
+        ctypes.CFUNCTYPE(None, pointer, word, pointer)(lambda _uc, number, _: processor.on_exception(s, number)),
+        ctypes.CFUNCTYPE(ctypes.c_bool, *accessed)(unmapped),
+        ctypes.CFUNCTYPE(None, *accessed)(access),
+        ctypes.CFUNCTYPE(long, pointer, long, word, pointer)(read),
+        ctypes.CFUNCTYPE(None, pointer, long, word, long, pointer)(write),
+    )
+    return Hooks(tuple(ctypes.cast(each, pointer).value or 0 for each in kept), processor.run, kept)
 
 
 @cache
 def compiled_hooks() -> Hooks:
     """Return hooks that numba has compiled, for any chip; raises ModuleNotFoundError without the extra `fast`."""
-    from steptwin.features.stm32.chip import compiled as hooks
+    from steptwin.features.stm32.chip import compiled
 
-    return Hooks(
-        hooks.BLOCK, hooks.EXCEPTION, hooks.UNMAPPED, hooks.READS, hooks.WRITES, hooks.TOUCHED, hooks.run, hooks
-    )
+    return Hooks(compiled.HOOKS, compiled.RUN, compiled.KEPT)
 
 
 class Chip:
@@ -142,15 +113,16 @@ class Chip:
             compiled: True for numba, False for plain Python, None for numba if it is installed.
         """
         self.state: Int64Array = np.zeros(c.CELLS, np.int64)
-        self.cells: memoryview = memoryview(self.state)  # type: ignore[assignment,arg-type]
+        self.cells: Cells = memoryview(self.state)  # type: ignore[arg-type]
         self._uc = self._open(flash_kb, ram_kb)
         self._reset(vectors, flash_kb, crystal_hz, main)
         fast = find_spec("numba") is not None if compiled is None else compiled
-        self._hooks = compiled_hooks() if fast else python_hooks(self.cells)
+        self._hooks: Hooks = compiled_hooks() if fast else python_hooks(self.cells)
         self._given = self.state if fast else self.cells
         self._hook()
         for address, content in segments:
             self._uc.mem_write(address, content)
+            self._uc.mem_write(address - c.FLASH_START, content)
         self.cells[c.PC] = self.word(vectors + 4) & ~1
         self._uc.reg_write(SP, self.word(vectors))
 
@@ -161,6 +133,7 @@ class Chip:
         uc = Uc(UC_ARCH_ARM, UC_MODE_THUMB | UC_MODE_MCLASS)
         uc.ctl_set_cpu_model(UC_CPU_ARM_CORTEX_M3)
         uc.mem_map(c.FLASH_START, flash_kb * 1024, UC_PROT_READ | UC_PROT_EXEC)
+        uc.mem_map(0, flash_kb * 1024, UC_PROT_READ | UC_PROT_EXEC)  # the flash once more (RM0008, 3.4)
         uc.mem_map(RAM_START, ram_kb * 1024)
         uc.mem_map(_SYSTEM_MEMORY, 0x1000, UC_PROT_READ)
         uc.mem_write(_SYSTEM_MEMORY + 0x7E0, flash_kb.to_bytes(2, "little"))
@@ -171,6 +144,7 @@ class Chip:
         s = self.cells
         place_registers(self.state)
         s[c.UC] = self._uc._uch.value  # noqa: SLF001  (the handle, which the library's functions take)
+        s[c.SELF] = self.state.ctypes.data
         for cell, name in FUNCTIONS.items():
             s[cell] = address_of(name)
         s[c.CRYSTAL_HZ], s[c.FLASH_END] = crystal_hz, c.FLASH_START + 1024 * flash_kb
@@ -191,21 +165,20 @@ class Chip:
     def _hook(self) -> None:
         from unicorn import UC_HOOK_BLOCK, UC_HOOK_INTR, UC_HOOK_MEM_INVALID, UC_HOOK_MEM_READ, UC_HOOK_MEM_WRITE
 
-        hooks, handle, number = self._hooks, self._uc._uch, ctypes.c_size_t()  # noqa: SLF001
+        handle, number = self._uc._uch, ctypes.c_size_t()  # noqa: SLF001
         user = ctypes.c_void_p(self.state.ctypes.data)
-        everywhere = (1, 0)
-        for kind, function, (begin, end) in (
-            (UC_HOOK_BLOCK, hooks.block, everywhere),
-            (UC_HOOK_INTR, hooks.exception, everywhere),
-            (UC_HOOK_MEM_INVALID, hooks.unmapped, everywhere),
-            (UC_HOOK_MEM_READ | UC_HOOK_MEM_WRITE, hooks.touched, (c.PERIPHERALS, c.PERIPHERALS)),
+        block, exception, unmapped, access, read, write = map(ctypes.c_void_p, self._hooks.addresses)
+        for kind, function, begin, end in (
+            (UC_HOOK_BLOCK, block, 1, 0),
+            (UC_HOOK_INTR, exception, 1, 0),
+            (UC_HOOK_MEM_INVALID, unmapped, 1, 0),
+            (UC_HOOK_MEM_READ | UC_HOOK_MEM_WRITE, access, bus.RAM_BITS, 0xFFFFFFFF),
         ):
             ends = ctypes.c_uint64(begin), ctypes.c_uint64(end)
-            at = ctypes.c_void_p(function)
-            _check(library().uc_hook_add(handle, ctypes.byref(number), ctypes.c_int(kind), at, user, *ends))
-        for (base, size), read, write in zip(_ACCESSES, hooks.reads, hooks.writes, strict=True):
+            _check(library().uc_hook_add(handle, ctypes.byref(number), ctypes.c_int(kind), function, user, *ends))
+        for base, size in _ACCESSES:
             place = ctypes.c_uint64(base), ctypes.c_size_t(size)
-            _check(library().uc_mmio_map(handle, *place, ctypes.c_void_p(read), user, ctypes.c_void_p(write), user))
+            _check(library().uc_mmio_map(handle, *place, read, user, write, user))
 
     def run(self, until_counts: int) -> None:
         """Let time pass until an instant; it ends before if the edges must be taken, or with a fault."""
@@ -276,6 +249,12 @@ class Chip:
         from unicorn import arm_const
 
         return int(self._uc.reg_read(getattr(arm_const, f"UC_ARM_REG_{name.upper()}")))
+
+    def set_register(self, name: str, value: int) -> None:
+        """Set a register of the processor."""
+        from unicorn import arm_const
+
+        self._uc.reg_write(getattr(arm_const, f"UC_ARM_REG_{name.upper()}"), value)
 
     def take_edges(self) -> tuple[Int64Array, Int64Array]:
         """Return the edges of the watched pins since the last call: instants in counts; 2 * pin + level."""

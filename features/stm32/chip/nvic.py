@@ -4,7 +4,13 @@ from typing import Final
 
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.cells import Cells, integer
-from steptwin.features.stm32.chip.libunicorn import read_memory, read_register, write_memory, write_register
+from steptwin.features.stm32.chip.libunicorn import (
+    read_frame,
+    read_memory,
+    read_register,
+    write_frame,
+    write_register,
+)
 
 # unicorn's numbers of registers (arm_const)
 SP, LR, PC, XPSR = 12, 10, 11, 120
@@ -20,6 +26,7 @@ CHAIN_CYCLES: Final = 6
 EXIT_CYCLES: Final = 10
 THREAD_PRIORITY: Final = 256
 _THUMB: Final = 1 << 24
+_WORD: Final = 0xFFFFFFFF
 
 
 @integer
@@ -91,6 +98,12 @@ def takes_exception(s: Cells, masked: int) -> bool:
 
 
 @integer
+def _signed(word: int) -> int:
+    """Return a word as a signed number, which a cell of 64 bits can hold in its upper half."""
+    return (word ^ 0x80000000) - 0x80000000
+
+
+@integer
 def enter(s: Cells, number: int, chained: int) -> None:
     """Enter the handler of an exception: stack eight words and load its vector."""
     vector = read_memory(s, s[c.VECTORS] + 4 * number, 4)
@@ -103,12 +116,11 @@ def enter(s: Cells, number: int, chained: int) -> None:
         sp -= 4
         status |= 0x200
     sp -= 32
-    place = sp
-    for register in STACKED:
-        write_memory(s, place, 4, read_register(s, register))
-        place += 4
-    write_memory(s, place, 4, s[c.PC])
-    write_memory(s, place + 4, 4, status)
+    for pair in range(3):
+        low, high = read_register(s, STACKED[2 * pair]), read_register(s, STACKED[2 * pair + 1])
+        s[c.FRAME + pair] = low | _signed(high) << 32
+    s[c.FRAME + 3] = s[c.PC] | _signed(status) << 32
+    write_frame(s, sp)
     by_process = s[c.DEPTH] == 0 and read_register(s, CONTROL) & 2 != 0
     write_register(s, SP, sp)
     write_register(s, LR, 0xFFFFFFF1 if s[c.DEPTH] else 0xFFFFFFFD if by_process else 0xFFFFFFF9)
@@ -141,8 +153,8 @@ def leave(s: Cells, code: int) -> None:
         return
     by_process = code & 0xF == 0xD or code & 0xF == 0xC
     sp = read_register(s, PSP if by_process else MSP)
-    registers = sp
-    pc, status = read_memory(s, sp + 24, 4), read_memory(s, sp + 28, 4)
+    read_frame(s, sp)
+    pc, status = s[c.FRAME + 3] & _WORD, s[c.FRAME + 3] >> 32 & _WORD
     s[c.DEPTH] -= 1
     number = s[c.ACTIVE + s[c.DEPTH]]
     if number >= FIRST_IRQ:
@@ -155,9 +167,9 @@ def leave(s: Cells, code: int) -> None:
         control = read_register(s, CONTROL) & 1
         write_register(s, CONTROL, control | (2 if by_process else 0))
     write_register(s, SP, sp + 32 + (4 if status & 0x200 else 0))
-    for register in STACKED:
-        write_register(s, register, read_memory(s, registers, 4))
-        registers += 4
+    for pair in range(3):
+        write_register(s, STACKED[2 * pair], s[c.FRAME + pair] & _WORD)
+        write_register(s, STACKED[2 * pair + 1], s[c.FRAME + pair] >> 32 & _WORD)
     number_now = 0 if thread else s[c.ACTIVE + s[c.DEPTH] - 1]
     write_register(s, XPSR, (status & ~0x3FF) | number_now | _THUMB)
     s[c.PC] = pc & ~1

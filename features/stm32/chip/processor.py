@@ -32,12 +32,10 @@ def _close_block(s: Cells, next_address: int) -> None:
 def on_block(s: Cells, address: int, size: int) -> None:
     """Begin a block, unless it is time for something else: unicorn calls this before the block's first instruction."""
     _close_block(s, address)
-    while s[c.DUE] <= s[c.NOW]:
-        act(s)
     if address == s[c.MAIN]:
         s[c.MAIN] = 0
     full = s[c.EDGE_COUNT] > c.EDGE_CAPACITY - _EDGES_LEFT
-    if s[c.NOW] >= s[c.UNTIL] or s[c.FAULT] or full or takes_exception(s, 1):
+    if s[c.NOW] >= min(s[c.UNTIL], s[c.DUE]) or s[c.FAULT] or full or takes_exception(s, 1):
         stop(s)
         return
     s[c.BLOCK], s[c.BLOCK_SIZE], s[c.BLOCK_CYCLES] = address, size, block_cycles(s, address, size)

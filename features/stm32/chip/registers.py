@@ -71,8 +71,7 @@ _AFIO = (
     *(Register(f"EXTICR{i + 1}", 0x08 + 4 * i, 0, _HALF) for i in range(4)),
 )
 _EXTI = tuple(
-    Register(name, 4 * i, 0, 0xFFFFF, 0xFFFF)
-    for i, name in enumerate(("IMR", "EMR", "RTSR", "FTSR", "SWIER", "PR"))
+    Register(name, 4 * i, 0, 0xFFFFF, 0xFFFF) for i, name in enumerate(("IMR", "EMR", "RTSR", "FTSR", "SWIER", "PR"))
 )
 _TIMER = (
     Register("CR1", 0x00, 0, 0x3FF, 0x8F),  # counting up only
@@ -120,10 +119,7 @@ PERIPHERALS: Final = (
         for i, port in enumerate("ABCDE")
     ),
     Peripheral("TIM1", "14.4", TIMER, 0, 0x40012C00, (_APB2, 11), _ADVANCED_TIMER),
-    *(
-        Peripheral(f"TIM{2 + i}", "15.4", TIMER, 1 + i, 0x40000000 + 0x400 * i, (_APB1, i), _TIMER)
-        for i in range(3)
-    ),
+    *(Peripheral(f"TIM{2 + i}", "15.4", TIMER, 1 + i, 0x40000000 + 0x400 * i, (_APB1, i), _TIMER) for i in range(3)),
     Peripheral("USART1", "27.6", USART, 0, 0x40013800, (_APB2, 14), _USART),
     Peripheral("USART2", "27.6", USART, 1, 0x40004400, (_APB1, 17), _USART),
     Peripheral("USART3", "27.6", USART, 2, 0x40004800, (_APB1, 18), _USART),

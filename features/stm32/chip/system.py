@@ -21,11 +21,12 @@ def _systick_grains(s: Cells) -> int:
 
 
 @integer
-def _restart_systick(s: Cells, left: int) -> None:
-    """Let SysTick reach 0 after a time; with a reload of 0 it never does again."""
-    runs = s[c.SYSTICK_CONTROL] & _ENABLE and s[c.SYSTICK_LOAD]
-    s[c.SYSTICK_LEFT] = left
-    s[c.DUES + c.SYSTICK_DUE] = s[c.AT] + left if runs else c.NEVER
+def _start_systick(s: Cells) -> None:
+    """Let SysTick reach 0 when its ticks are over; a counter at 0 takes its reload first."""
+    if s[c.SYSTICK_LEFT] == 0:
+        s[c.SYSTICK_LEFT] = s[c.SYSTICK_LOAD] + 1
+    runs = s[c.SYSTICK_CONTROL] & _ENABLE != 0 and s[c.SYSTICK_LOAD] != 0
+    s[c.DUES + c.SYSTICK_DUE] = s[c.AT] + s[c.SYSTICK_LEFT] * _systick_grains(s) if runs else c.NEVER
 
 
 @integer
@@ -34,13 +35,16 @@ def systick_event(s: Cells) -> None:
     s[c.SYSTICK_CONTROL] |= _REACHED_0
     if s[c.SYSTICK_CONTROL] & _INTERRUPT:
         pend_system(s, SYSTICK)
-    _restart_systick(s, (s[c.SYSTICK_LOAD] + 1) * _systick_grains(s))
+    s[c.SYSTICK_LEFT] = 0
+    _start_systick(s)
 
 
 @integer
-def _systick_left(s: Cells) -> int:
+def _count_systick(s: Cells) -> None:
+    """Find the ticks that are left at the instant `AT`."""
     due = s[c.DUES + c.SYSTICK_DUE]
-    return s[c.SYSTICK_LEFT] if due == c.NEVER else due - s[c.AT]
+    if due != c.NEVER:
+        s[c.SYSTICK_LEFT] = -((s[c.AT] - due) // _systick_grains(s))
 
 
 @integer
@@ -63,7 +67,8 @@ def read_system(s: Cells, address: int) -> int:
     if at == 0x014:
         return s[c.SYSTICK_LOAD]
     if at == 0x018:
-        return _systick_left(s) // _systick_grains(s) % (s[c.SYSTICK_LOAD] + 1)
+        _count_systick(s)
+        return s[c.SYSTICK_LEFT] % (s[c.SYSTICK_LOAD] + 1)
     if at in (0x100, 0x104, 0x180, 0x184):
         return s[c.ENABLED] >> 8 * (at & 4) & _WORD
     if at in (0x200, 0x204, 0x280, 0x284):
@@ -133,17 +138,15 @@ def write_system(s: Cells, address: int, size: int, value: int) -> None:
 def _write_control(s: Cells, at: int, value: int) -> None:
     bits = value << 8 * (at & 4)
     if at == 0x010:
-        left = _systick_left(s)
-        if not s[c.SYSTICK_CONTROL] & _ENABLE and left == 0:
-            s[c.SYSTICK_CONTROL] = s[c.SYSTICK_CONTROL] & _REACHED_0 | value & 7
-            left = (s[c.SYSTICK_LOAD] + 1) * _systick_grains(s)
+        _count_systick(s)
         s[c.SYSTICK_CONTROL] = s[c.SYSTICK_CONTROL] & _REACHED_0 | value & 7
-        _restart_systick(s, left)
+        _start_systick(s)
     elif at == 0x014:
         s[c.SYSTICK_LOAD] = value & 0xFFFFFF
     elif at == 0x018:
         s[c.SYSTICK_CONTROL] &= ~_REACHED_0
-        _restart_systick(s, (s[c.SYSTICK_LOAD] + 1) * _systick_grains(s))
+        s[c.SYSTICK_LEFT] = 0
+        _start_systick(s)
     elif at in (0x100, 0x104):
         s[c.ENABLED] |= bits & (1 << 60) - 1
     elif at in (0x180, 0x184):

@@ -31,7 +31,7 @@ def set_usart_line(s: Cells, usart: int) -> None:
     """Ask for the interrupt."""
     base = c.VALUE + int(BASES[usart])
     status, control = s[base + SR], s[base + CR1]
-    asked = status & control & (TXE | TC | RXNE | IDLE) or status & ORE and control & RXNE
+    asked = status & control & (TXE | TC | RXNE | IDLE) != 0 or (status & ORE != 0 and control & RXNE != 0)
     set_line(s, _FIRST_IRQ + usart, 1 if asked else 0)
 
 

@@ -1,0 +1,119 @@
+"""`steptwin run-image`: the examples pass, their faulty forms fail for their fault, and bad input is refused."""
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from steptwin.host.cli.app import run
+from tests.features.stm32.examples import EXAMPLES, ROBOT
+
+
+def _run(capsys: pytest.CaptureFixture[str], *words: str, kernel: str = "python") -> tuple[int, str, str]:
+    code = run(["run-image", *words, "--kernel", kernel])
+    told = capsys.readouterr()
+    return code, told.out, told.err
+
+
+@pytest.mark.slow  # half a second at 72 MHz in plain Python
+@pytest.mark.parametrize(
+    ("name", "code", "steps", "reason"),
+    [
+        ("compare_stepper", 0, [0, 500], ""),
+        ("compare_stepper_fault", 1, [0, 498], "DIR changed too late before CLK: step the wrong way"),
+        ("systick_stepper", 0, [0, 0], ""),
+        ("systick_stepper_fault", 1, [0, 0], "CLK high too short: step missed: 2000 times"),
+    ],
+)
+def test_an_example_does_what_it_says(
+    capsys: pytest.CaptureFixture[str], name: str, code: int, steps: list[int], reason: str
+) -> None:
+    file = str(EXAMPLES / f"{name}.elf")
+    ended, out, err = _run(capsys, file, "--robot", str(ROBOT), "--until", "done", "--json")
+    document = json.loads(out)
+    assert (ended, document["passed"], [axis["steps"] for axis in document["axes"]]) == (code, not code, steps)
+    assert document["sent"]["USART1"].startswith("ready\ndone")
+    assert document["not_modelled"] == []
+    assert all(reason in each for each in document["reasons"])
+    assert bool(document["reasons"]) == bool(reason)
+    assert err == ""
+
+
+def test_the_beginning_of_an_example_in_words(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = _run(capsys, str(EXAMPLES / "compare_stepper.elf"), "--robot", str(ROBOT), "--for", "1ms")
+    assert code == 0
+    assert "USART1: ready" in out
+    assert out.splitlines()[-1].endswith("PASSED")
+
+
+def _refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    code, out, err = _run(capsys, *words)
+    assert (code, out) == (2, "")
+    return err.removeprefix("steptwin: ").strip()
+
+
+def test_a_run_needs_a_robot_with_a_chip(capsys: pytest.CaptureFixture[str]) -> None:
+    file = str(EXAMPLES / "compare_stepper.elf")
+    assert _refused(capsys, file).startswith("--robot is missing")
+    assert "has no table [stm32]" in _refused(capsys, file, "--robot", "turntable")
+    assert _refused(capsys, file, "--robot", str(ROBOT), "--for", "2") == (
+        "--for 2: is no time with a unit, such as 2s or 50ms"
+    )
+
+
+def test_a_file_that_is_no_image_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    refused = _refused(capsys, str(ROBOT), "--robot", str(ROBOT))
+    assert refused == f"{ROBOT}: is no ELF, and its name does not end in .bin: give the file that is flashed"
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "sentence"),
+    [
+        ('step = "PA2"', 'step = "PA0"', "stm32.joints.right.step: PA0 is that of left.step already"),
+        ('step = "PA2"', 'step = "PF2"', "'PF2': is no pin from PA0 to PE15, such as PA0, or !PA0"),
+        ("[stm32.joints.right]", "[stm32.joints.rite]", "joint 'rite' is unknown: did you mean right?"),
+    ],
+)
+def test_a_wrong_wire_is_refused(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, before: str, after: str, sentence: str
+) -> None:
+    robot = tmp_path / "arm.toml"
+    robot.write_text(ROBOT.read_text().replace(before, after))
+    assert sentence in _refused(capsys, str(EXAMPLES / "compare_stepper.elf"), "--robot", str(robot))
+
+
+def test_a_pin_that_is_never_an_output_fails_the_run(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    robot = tmp_path / "arm.toml"
+    robot.write_text(ROBOT.read_text().replace('step = "PA2"', 'step = "PB2"'))
+    file = str(EXAMPLES / "compare_stepper.elf")
+    code, out, _ = _run(capsys, file, "--robot", str(robot), "--for", "1ms")
+    assert code == 1
+    assert "reason: right: PB2, its STEP, was never an output" in out
+
+
+def test_a_loop_before_main_is_named_with_its_place(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    content = bytearray((EXAMPLES / "compare_stepper.elf").read_bytes())
+    from steptwin.features.stm32.image import read_image
+
+    image = read_image(EXAMPLES / "compare_stepper.elf")
+    offset = content.index(image.segments[0][1]) + image.address_of("reset") - 0x08000000
+    content[offset : offset + 2] = b"\xfe\xe7"  # b .
+    (path := tmp_path / "fw.elf").write_bytes(content)
+    refused = _refused(capsys, str(path), "--robot", str(ROBOT), "--for", "0.1ms")
+    assert refused.startswith(f"{path}: has not reached main after 0.0001 s: the processor is at 0x0800")
+    assert " in reset (start.c:" in refused
+
+
+@pytest.mark.skipif(shutil.which("arm-none-eabi-gcc") is None, reason="needs arm-none-eabi-gcc")
+@pytest.mark.slow  # a compiler
+def test_the_images_are_those_of_their_sources(tmp_path: Path) -> None:
+    built = tmp_path / "built"
+    shutil.copytree(EXAMPLES, built, ignore=shutil.ignore_patterns("*.elf"))
+    subprocess.run(["make", "-s", "-C", str(built)], check=True, timeout=120, capture_output=True)
+    from steptwin.features.stm32.image import read_image
+
+    for path in sorted(built.glob("*.elf")):
+        assert path.stat().st_size < 20_000
+        assert read_image(path).functions == read_image(EXAMPLES / path.name).functions, path.name
