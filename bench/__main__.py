@@ -5,8 +5,8 @@ A word prints only some of them: `timing` those of the kernel's step timing besi
 `fastest` those of motions as fast as the limits allow, `motor-limited` those of motions as fast as the motors manage,
 `package` those of the wheel's size and of start-up, `panel` those of the operator's panel, `motors` those of motors
 after a run, `live-motors [PAIRS]` those of motors that turn with a live board, `workers` that of a campaign's workers,
-`firmware` those of a user's own firmware, `images` those of images for the STM32F103, and `live` those of a live board, with a stream of a minute and a million
-frames.
+`firmware` those of a user's own firmware, `images` those of images for the STM32F103, and `live` those of a live board,
+with a stream of a minute and a million frames.
 """
 
 import os
@@ -95,6 +95,8 @@ def _all() -> Iterator[Table | str]:
     yield motions_table()
     yield rotor_table()
     yield from firmware_tables()
+    if find_spec("unicorn"):
+        yield from image_tables()
     if find_spec("distributed"):
         yield workers_table()
     yield from package_tables()

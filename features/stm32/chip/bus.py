@@ -7,7 +7,7 @@ from steptwin.features.stm32.chip import gpio, registers
 from steptwin.features.stm32.chip.bookkeeping import note_strange
 from steptwin.features.stm32.chip.cells import Cells, integer
 from steptwin.features.stm32.chip.clocks import write_rcc
-from steptwin.features.stm32.chip.cost import forget_costs, straight_cycles
+from steptwin.features.stm32.chip.cost import forget_costs, part_cycles
 from steptwin.features.stm32.chip.devices import act, next_due
 from steptwin.features.stm32.chip.libunicorn import read_memory, read_register, write_memory
 from steptwin.features.stm32.chip.nvic import PC
@@ -32,7 +32,7 @@ def arrive(s: Cells) -> None:
     """Let the time be that of the instruction that accesses a register, and let devices act that were due before."""
     at = s[c.NOW]
     if s[c.BLOCK_SIZE]:
-        at += straight_cycles(s, s[c.BLOCK], read_register(s, PC)) * s[c.CYCLE]
+        at += part_cycles(s, s[c.BLOCK], read_register(s, PC)) * s[c.CYCLE]
     while s[c.DUE] <= at:
         act(s)
     s[c.AT] = at

@@ -208,6 +208,9 @@ STRANGE_LOST: Final = _cells()
 BLOCK_COSTS: Final = 512 * 1024 // 2
 KNOWN_SIZE: Final = _cells(BLOCK_COSTS)
 KNOWN_CYCLES: Final = _cells(BLOCK_COSTS)
+PART_BEGIN: Final = _cells(BLOCK_COSTS)
+"""By the halfword of an instruction, the block for which its `PART_CYCLES` are right."""
+PART_CYCLES: Final = _cells(BLOCK_COSTS)
 
 CELLS: Final = _used[0]
 

@@ -87,7 +87,19 @@ def block_cycles(s: Cells, begin: int, size: int) -> int:
 
 
 @integer
+def part_cycles(s: Cells, begin: int, pc: int) -> int:
+    """Return the cycles of a block up to an instruction, as `block_cycles`."""
+    if not c.FLASH_START <= begin < s[c.FLASH_END]:
+        return straight_cycles(s, begin, pc)
+    place = (pc - c.FLASH_START) >> 1
+    if s[c.PART_BEGIN + place] != begin:
+        s[c.PART_BEGIN + place] = begin
+        s[c.PART_CYCLES + place] = straight_cycles(s, begin, pc)
+    return s[c.PART_CYCLES + place]
+
+
+@integer
 def forget_costs(s: Cells) -> None:
     """Work all costs out again, because the wait states have changed."""
     for place in range((s[c.FLASH_END] - c.FLASH_START) >> 1):
-        s[c.KNOWN_SIZE + place] = 0
+        s[c.KNOWN_SIZE + place] = s[c.PART_BEGIN + place] = 0

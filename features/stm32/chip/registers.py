@@ -128,24 +128,27 @@ PERIPHERALS: Final = (
     Peripheral("PWR", "5.4", PLAIN, 0, 0x40007000, (_APB1, 28), _PWR),
 )
 
-NOT_MODELLED: Final = {
-    "TIM5 to TIM14": (),
-    "RTC": ((0x40002800, 0x40002C00),),
-    "WWDG": ((0x40002C00, 0x40003000),),
-    "SPI2": ((0x40003800, 0x40003C00),),
-    "SPI3": ((0x40003C00, 0x40004000),),
-    "I2C1": ((0x40005400, 0x40005800),),
-    "I2C2": ((0x40005800, 0x40005C00),),
-    "USB": ((0x40005C00, 0x40006400),),
-    "CAN": ((0x40006400, 0x40006800),),
-    "ADC1": ((0x40012400, 0x40012800),),
-    "ADC2": ((0x40012800, 0x40012C00),),
-    "SPI1": ((0x40013000, 0x40013400),),
-    "DMA1": ((0x40020000, 0x40020400),),
-    "DMA2": ((0x40020400, 0x40020800),),
-    "CRC": ((0x40023000, 0x40023400),),
-}
-"""Peripherals that the chip has and the twin does not, and where they are."""
+NOT_MODELLED: Final = (
+    (0x40000C00, 0x40002000, "TIM5 to TIM14"),
+    (0x40002800, 0x40002C00, "RTC"),
+    (0x40002C00, 0x40003000, "WWDG"),
+    (0x40003800, 0x40003C00, "SPI2"),
+    (0x40003C00, 0x40004000, "SPI3"),
+    (0x40004C00, 0x40005400, "UART4 or UART5"),
+    (0x40005400, 0x40005800, "I2C1"),
+    (0x40005800, 0x40005C00, "I2C2"),
+    (0x40005C00, 0x40006400, "USB"),
+    (0x40006400, 0x40006800, "CAN"),
+    (0x40007400, 0x40007800, "DAC"),
+    (0x40012400, 0x40012800, "ADC1"),
+    (0x40012800, 0x40012C00, "ADC2"),
+    (0x40013000, 0x40013400, "SPI1"),
+    (0x40013400, 0x40013800, "TIM8"),
+    (0x40020000, 0x40020400, "DMA1"),
+    (0x40020400, 0x40020800, "DMA2"),
+    (0x40023000, 0x40023400, "CRC"),
+)
+"""Peripherals that the chip or its larger sisters have and the twin does not: begin, end, name (RM0008, table 3)."""
 
 
 def place_registers(state: Int64Array) -> None:
@@ -169,10 +172,8 @@ def name_of(address: int) -> str:
         if peripheral.base <= address < peripheral.base + 0x400:
             found = next((each.name for each in peripheral.registers if each.offset == address - peripheral.base), None)
             return f"{peripheral.name} {found or f'offset 0x{address - peripheral.base:X}'}"
-    for name, places in NOT_MODELLED.items():
-        if any(begin <= address < end for begin, end in places):
-            return name
-    return f"0x{address:08X}"
+    found = (name for begin, end, name in NOT_MODELLED if begin <= address < end)
+    return next(found, f"0x{address:08X}")
 
 
 RESET_PRIORITIES: Final = np.array([0, -3, -2, -1])

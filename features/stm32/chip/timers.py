@@ -186,6 +186,20 @@ def read_timer(s: Cells, timer: int, word: int) -> int:
 
 
 @integer
+def _set_channels(s: Cells, timer: int, shown: bool) -> None:
+    """Set the outputs whose mode gives them a level now, and the pins of all if what shows them has changed."""
+    for channel in range(4):
+        mode = _mode(s, timer, channel) & 7
+        if mode in (4, 5):
+            _set_output(s, timer, channel, mode & 1)
+        elif mode >= 6:
+            active = s[c.COUNTER + timer] < s[c.COMPARE + 4 * timer + channel]
+            _set_output(s, timer, channel, 1 if active == (mode == 6) else 0)
+        if shown:
+            show(s, timer, channel)
+
+
+@integer
 def write_timer(s: Cells, timer: int, word: int, value: int, before: int) -> None:
     """Write a register, whose value is stored already, at the instant `AT`."""
     base = c.VALUE + int(BASES[timer])
@@ -212,14 +226,7 @@ def write_timer(s: Cells, timer: int, word: int, value: int, before: int) -> Non
             if not s[base + CR1] & (URS | UDIS):
                 s[base + SR] |= UIF
         s[base + SR] |= value & 0x1E
-    for channel in range(4):
-        mode = _mode(s, timer, channel) & 7
-        if mode in (4, 5):
-            _set_output(s, timer, channel, mode & 1)
-        elif mode >= 6:
-            active = s[c.COUNTER + timer] < s[c.COMPARE + 4 * timer + channel]
-            _set_output(s, timer, channel, 1 if active == (mode == 6) else 0)
-        if word in (CCER, BDTR):
-            show(s, timer, channel)
+    if word not in (SR, DIER):
+        _set_channels(s, timer, word in (CCER, BDTR))
     set_timer_lines(s, timer)
     schedule_timer(s, timer)

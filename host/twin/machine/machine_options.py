@@ -248,10 +248,13 @@ class MachineOptions:
         """Return what makes the program that each board runs instead of our firmware; None if none does.
 
         Raises:
-            InputError: the program cannot be had.
+            InputError: the program cannot be had, or two are given.
         """
-        made = (make(feature.options_in(self.extras)) for feature, make in giving("program"))
-        return next((program for program in made if program is not None), None)
+        made = {feature.name: make(feature.options_in(self.extras)) for feature, make in giving("program")}
+        programs = {name: program for name, program in made.items() if program is not None}
+        if len(programs) > 1:
+            raise InputError(f"{' and '.join(programs)}: each gives the board's program: leave one of them out")
+        return next(iter(programs.values()), None)
 
 
 def read_extras(extras: Sequence[Any], robot: "Robot", folder: Path = Path()) -> tuple[Any, ...]:

@@ -7,7 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from steptwin.features.firmware.options import FirmwareOptions
+from steptwin.features.stm32.image import read_image
+from steptwin.features.stm32.options import Stm32Options
 from steptwin.host.cli.app import run
+from steptwin.host.common.errors import InputError
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.machine.machine_options import MachineOptions
 from tests.features.stm32.examples import EXAMPLES, ROBOT
 
 
@@ -95,7 +101,6 @@ def test_a_pin_that_is_never_an_output_fails_the_run(capsys: pytest.CaptureFixtu
 
 def test_a_loop_before_main_is_named_with_its_place(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     content = bytearray((EXAMPLES / "compare_stepper.elf").read_bytes())
-    from steptwin.features.stm32.image import read_image
 
     image = read_image(EXAMPLES / "compare_stepper.elf")
     offset = content.index(image.segments[0][1]) + image.address_of("reset") - 0x08000000
@@ -112,8 +117,24 @@ def test_the_images_are_those_of_their_sources(tmp_path: Path) -> None:
     built = tmp_path / "built"
     shutil.copytree(EXAMPLES, built, ignore=shutil.ignore_patterns("*.elf"))
     subprocess.run(["make", "-s", "-C", str(built)], check=True, timeout=120, capture_output=True)
-    from steptwin.features.stm32.image import read_image
 
     for path in sorted(built.glob("*.elf")):
         assert path.stat().st_size < 20_000
         assert read_image(path).functions == read_image(EXAMPLES / path.name).functions, path.name
+
+
+def test_a_board_runs_one_program_and_one_chip_drives_all_axes() -> None:
+    robot = load_robot(str(ROBOT))
+    image = Stm32Options(image=EXAMPLES / "compare_stepper.elf").fitted(robot, Path())
+    own = FirmwareOptions(firmware=ROBOT)
+    with pytest.raises(
+        InputError, match=r"^firmware and stm32: each gives the board's program: leave one of them out$"
+    ):
+        MachineOptions(extras=(image, own)).program()
+    with pytest.raises(InputError, match=r"^boards: one STM32F103 drives all axes: leave boards out, or image$"):
+        MachineOptions(extras=(image,), axes_per_board=(1, 1)).check_features()
+
+
+def test_an_image_needs_a_robot_read_with_it() -> None:
+    with pytest.raises(InputError, match="needs the robot's file"):
+        MachineOptions(extras=(Stm32Options(image="fw.elf"),)).program()
