@@ -13,7 +13,7 @@ from typing import Final
 from rich.table import Table
 
 from steptwin.bench import bench_table
-from steptwin.features.stm32.chip.engine import Chip
+from steptwin.features.stm32.chip.engine import Stm32Chip
 from steptwin.features.stm32.image import read_image
 from steptwin.features.stm32.running import run_image
 from steptwin.host.robots import load_robot
@@ -66,7 +66,7 @@ def _factor(path: Path, *, compiled: bool) -> float:
     image = read_image(path)
     factors = []
     for _ in range(_REPEATS):
-        chip = Chip(image.segments, image.vectors, main=image.address_of("main"), compiled=compiled)
+        chip = Stm32Chip(image.segments, image.vectors, main=image.address_of("main"), compiled=compiled)
         for pin in range(16):
             chip.watch(pin, released=False)
         _run(chip, 0.01)
@@ -77,7 +77,7 @@ def _factor(path: Path, *, compiled: bool) -> float:
     return median(factors)
 
 
-def _run(chip: Chip, seconds: float) -> None:
+def _run(chip: Stm32Chip, seconds: float) -> None:
     end_counts = chip.now_counts + round(seconds * COUNTS_PER_SECOND)
     while chip.now_counts < end_counts:
         chip.run(end_counts)

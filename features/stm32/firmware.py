@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Final
 from steptwin.controller.node.pins import Pin, PinChange
 from steptwin.emulator.board.board_firmware import FirmwareError
 from steptwin.features.firmware.native_firmware import NativeFrames, NativeMotion
-from steptwin.features.stm32.chip.engine import Chip
-from steptwin.features.stm32.image import Image
+from steptwin.features.stm32.chip.engine import Stm32Chip
+from steptwin.features.stm32.image import FlashImage
 from steptwin.features.stm32.outcome import fault_sentence
 from steptwin.features.stm32.section import INPUTS, Stm32
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode
@@ -29,15 +29,15 @@ class ImageFirmware:
 
     def __init__(
         self,
-        image: Image,
+        image: FlashImage,
         wiring: Stm32,
         axes: Sequence[tuple[str, int]],
         board: "Board",
         compiled: bool | None,
     ) -> None:
-        """Wire a chip for a board; it begins with `boot`. For `compiled` see `Chip`."""
+        """Wire a chip for a board; it begins with `boot`. For `compiled` see `Stm32Chip`."""
         self.image, self._wiring, self._drivers, self._compiled = image, wiring, board.drivers, compiled
-        self.chip: Chip | None = None
+        self.chip: Stm32Chip | None = None
         self.motion: NativeMotion = NativeMotion(len(axes))
         self.transmit: NativeFrames = NativeFrames()
         self.pins: list[PinChange] = []
@@ -77,7 +77,7 @@ class ImageFirmware:
     def boot(self, now_counts: int) -> None:
         """Power up."""
         wiring = self._wiring
-        self.chip = Chip(
+        self.chip = Stm32Chip(
             self.image.segments,
             self.image.vectors,
             flash_kb=wiring.flash_kb,
@@ -189,9 +189,9 @@ class ImageProgram:
     """An image as the program of a board."""
 
     def __init__(
-        self, image: Image, wiring: Stm32, axes: Sequence[tuple[str, int]], compiled: bool | None = None
+        self, image: FlashImage, wiring: Stm32, axes: Sequence[tuple[str, int]], compiled: bool | None = None
     ) -> None:
-        """Take an image for the axes with these names and microsteps; for `compiled` see `Chip`."""
+        """Take an image for the axes with these names and microsteps; for `compiled` see `Stm32Chip`."""
         self._image, self._wiring, self._axes, self._compiled = image, wiring, tuple(axes), compiled
         self._running: ImageFirmware | None = None
 

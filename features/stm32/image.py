@@ -23,7 +23,7 @@ _ALIGNED: Final = 128
 
 
 @dataclass(frozen=True, slots=True)
-class Image:
+class FlashImage:
     """What is flashed, and what is known of its functions.
 
     Attributes:
@@ -57,7 +57,7 @@ class Image:
         return text
 
 
-def read_image(path: Path | str, offset: int = 0, *, flash_kb: int = 128, ram_kb: int = 20) -> Image:
+def read_image(path: Path | str, offset: int = 0, *, flash_kb: int = 128, ram_kb: int = 20) -> FlashImage:
     """Return what a file holds for a chip with so much flash and RAM.
 
     Args:
@@ -84,7 +84,7 @@ def read_image(path: Path | str, offset: int = 0, *, flash_kb: int = 128, ram_kb
     if content[:4] == b"\x7fELF":
         image = _read_elf(path, offset)
     elif path.suffix.lower() == ".bin":
-        image = Image(path, ((FLASH_START + offset, content),), FLASH_START + offset)
+        image = FlashImage(path, ((FLASH_START + offset, content),), FLASH_START + offset)
     else:
         raise InputError(f"{path}: is no ELF, and its name does not end in .bin: give the file that is flashed")
     _check_places(image, flash_kb)
@@ -92,7 +92,7 @@ def read_image(path: Path | str, offset: int = 0, *, flash_kb: int = 128, ram_kb
     return image
 
 
-def _read_elf(path: Path, offset: int) -> Image:
+def _read_elf(path: Path, offset: int) -> FlashImage:
     try:
         from elftools.common.exceptions import DWARFError, ELFError
         from elftools.elf.elffile import ELFFile
@@ -113,7 +113,7 @@ def _read_elf(path: Path, offset: int) -> Image:
                 lines = tuple(sorted(_lines(elf)))
             except (DWARFError, ELFError, KeyError, ValueError, AttributeError):
                 lines = ()  # a debugger's part that this reader does not understand
-            return Image(path, segments, vectors or FLASH_START + offset, functions, lines)
+            return FlashImage(path, segments, vectors or FLASH_START + offset, functions, lines)
     except ELFError as error:
         raise InputError(f"{path}: is a broken ELF: {error}") from error
 
@@ -169,7 +169,7 @@ def _lines(elf: "ELFFile") -> Iterator[tuple[int, str, int]]:
             yield state.address, name, 0 if state.end_sequence else state.line
 
 
-def _check_places(image: Image, flash_kb: int) -> None:
+def _check_places(image: FlashImage, flash_kb: int) -> None:
     if not image.segments:
         raise InputError(f"{image.path}: has nothing to flash")
     for address, content in image.segments:
@@ -181,7 +181,7 @@ def _check_places(image: Image, flash_kb: int) -> None:
             )
 
 
-def _check_vectors(image: Image, flash_kb: int, ram_kb: int) -> None:
+def _check_vectors(image: FlashImage, flash_kb: int, ram_kb: int) -> None:
     """Raise InputError unless stack pointer and reset vector are such that a processor can begin."""
     table = _content_at(image.segments, image.vectors, 4 * _VECTORS)
     ram_end = RAM_START + 1024 * ram_kb

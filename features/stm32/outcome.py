@@ -4,14 +4,14 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from steptwin.features.stm32.chip import cells as c
-from steptwin.features.stm32.chip.engine import Chip
+from steptwin.features.stm32.chip.engine import Stm32Chip
 from steptwin.features.stm32.chip.registers import name_of
-from steptwin.features.stm32.image import Image
+from steptwin.features.stm32.image import FlashImage
 
 _REGISTERS: Final = ("r0", "r1", "r2", "r3", "r12", "sp", "lr", "xpsr")
 
 
-def fault_sentence(chip: Chip, image: Image) -> str:
+def fault_sentence(chip: Stm32Chip, image: FlashImage) -> str:
     """Return why the processor cannot go on, with place and registers; empty while it can."""
     fault, at = chip.cells[c.FAULT], chip.cells[c.FAULT_AT]
     if not fault:
@@ -70,7 +70,7 @@ class StrangeAccess:
         }
 
 
-def strange_accesses(chip: Chip, image: Image) -> list[StrangeAccess]:
+def strange_accesses(chip: Stm32Chip, image: FlashImage) -> list[StrangeAccess]:
     """Return the accesses that are not modelled, in the order of the first ones."""
     found = []
     for number in range(chip.cells[c.STRANGE_COUNT]):

@@ -87,7 +87,7 @@ def compiled_hooks() -> Hooks:
     return Hooks(compiled.HOOKS, compiled.RUN, compiled.KEPT)
 
 
-class Chip:
+class Stm32Chip:
     """An STM32F103 with an image in its flash, from a reset on."""
 
     def __init__(

@@ -7,7 +7,7 @@ import pytest
 
 from steptwin.features.stm32.chip import bus
 from steptwin.features.stm32.chip import cells as c
-from steptwin.features.stm32.chip.engine import Chip
+from steptwin.features.stm32.chip.engine import Stm32Chip
 
 PROGRAM: Final = 0x08000200
 """Where the program of handlers.S begins, behind the vector table."""
@@ -30,7 +30,7 @@ class Bench:
         for number, place in (handlers or {}).items():
             vectors[number] = PROGRAM + place + 1
         table = b"".join(each.to_bytes(4, "little") for each in vectors)
-        self.chip = Chip([(0x08000000, table), (PROGRAM, _CODE)], 0x08000000, compiled=False)
+        self.chip = Stm32Chip([(0x08000000, table), (PROGRAM, _CODE)], 0x08000000, compiled=False)
         self.chip.set_register("r4", GPIOA + 0x10)  # where the handlers set their pins
         for port in range(c.PORTS):
             for pin in range(16):

@@ -6,7 +6,7 @@ from typing import Final
 import pytest
 
 from steptwin.features.stm32.chip import cells as c
-from steptwin.features.stm32.chip.engine import Chip
+from steptwin.features.stm32.chip.engine import Stm32Chip
 from steptwin.features.stm32.image import read_image
 from tests.features.stm32.examples import EXAMPLES
 
@@ -16,7 +16,7 @@ _COUNTS: Final = 72_000 * 60
 def _made(path: Path, *, compiled: bool) -> tuple[list[int], list[int], list[int]]:
     """Return the edges of an example, and the chip's state beside what belongs to its process."""
     image = read_image(path)
-    chip = Chip(image.segments, image.vectors, main=image.address_of("main"), compiled=compiled)
+    chip = Stm32Chip(image.segments, image.vectors, main=image.address_of("main"), compiled=compiled)
     for pin in range(16):
         chip.watch(pin, released=False)
     counts, pins = list[int](), list[int]()

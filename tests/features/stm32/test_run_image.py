@@ -47,6 +47,32 @@ def test_an_example_does_what_it_says(
     assert err == ""
 
 
+@pytest.mark.slow  # a fifth of a second at 72 MHz in plain Python
+def test_a_switch_of_the_machine_is_read_by_its_pin(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    robot = tmp_path / "arm.toml"
+    switch = '[joints.left.switches]\npositive_limit = 10.0\n\n[stm32.joints.left]\npositive_limit = "!PA5"'
+    robot.write_text(ROBOT.read_text().replace("[stm32.joints.left]", switch))
+    file = str(EXAMPLES / "systick_stepper.elf")
+    code, out, _ = _run(capsys, file, "--robot", str(robot), "--until", "limit", "--json")
+    document = json.loads(out)
+    assert code == 0
+    # the switch is at step 400; the firmware reads it with the next tick of 20 kHz
+    assert document["axes"][0]["steps"] in (400, 401)
+
+
+def test_a_fault_is_told_with_its_place_and_registers(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    content = bytearray((EXAMPLES / "compare_stepper.elf").read_bytes())
+    image = read_image(EXAMPLES / "compare_stepper.elf")
+    offset = content.index(image.segments[0][1]) + image.address_of("main") - 0x08000000
+    content[offset : offset + 6] = bytes.fromhex("4ff0c0400168")  # mov.w r0, #0x60000000; ldr r1, [r0]
+    (path := tmp_path / "fw.elf").write_bytes(content)
+    code, out, _ = _run(capsys, str(path), "--robot", str(ROBOT), "--for", "1ms")
+    told = next(line for line in out.splitlines() if line.startswith("reason: HardFault"))
+    assert code == 1
+    assert told.startswith(f"reason: HardFault at 0x{image.address_of('main') + 4:08X} in main+4 (compare_stepper.c:")
+    assert "): there is nothing at 0x60000000, or it cannot be written; r0=0x60000000 r1=" in told
+
+
 def test_the_beginning_of_an_example_in_words(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = _run(capsys, str(EXAMPLES / "compare_stepper.elf"), "--robot", str(ROBOT), "--for", "1ms")
     assert code == 0
