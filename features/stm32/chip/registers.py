@@ -172,8 +172,8 @@ def name_of(address: int) -> str:
         if peripheral.base <= address < peripheral.base + 0x400:
             found = next((each.name for each in peripheral.registers if each.offset == address - peripheral.base), None)
             return f"{peripheral.name} {found or f'offset 0x{address - peripheral.base:X}'}"
-    found = (name for begin, end, name in NOT_MODELLED if begin <= address < end)
-    return next(found, f"0x{address:08X}")
+    named = (name for begin, end, name in NOT_MODELLED if begin <= address < end)
+    return next(named, f"0x{address:08X}")
 
 
 RESET_PRIORITIES: Final = np.array([0, -3, -2, -1])

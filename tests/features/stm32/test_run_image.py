@@ -7,13 +7,17 @@ from pathlib import Path
 
 import pytest
 
+from steptwin.controller.motion.backend import python_kernel
 from steptwin.features.firmware.options import FirmwareOptions
 from steptwin.features.stm32.image import read_image
 from steptwin.features.stm32.options import Stm32Options
 from steptwin.host.cli.app import run
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot
+from steptwin.host.twin.machine.emulated_machine import EmulatedMachine, MachineParts
+from steptwin.host.twin.machine.evidence import axes_evidence
 from steptwin.host.twin.machine.machine_options import MachineOptions
+from steptwin.protocol.timer import COUNTS_PER_MS
 from tests.features.stm32.examples import EXAMPLES, ROBOT
 
 
@@ -51,7 +55,9 @@ def test_an_example_does_what_it_says(
 def test_a_switch_of_the_machine_is_read_by_its_pin(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     robot = tmp_path / "arm.toml"
     switch = '[joints.left.switches]\npositive_limit = 10.0\n\n[stm32.joints.left]\npositive_limit = "!PA5"'
-    robot.write_text(ROBOT.read_text().replace("[stm32.joints.left]", switch))
+    robot.write_text(
+        ROBOT.read_text().replace("[stm32.joints.left]", switch).replace("upper = 100.0", "upper = 9.0", 1)
+    )
     file = str(EXAMPLES / "systick_stepper.elf")
     code, out, _ = _run(capsys, file, "--robot", str(robot), "--until", "limit", "--json")
     document = json.loads(out)
@@ -164,3 +170,17 @@ def test_a_board_runs_one_program_and_one_chip_drives_all_axes() -> None:
 def test_an_image_needs_a_robot_read_with_it() -> None:
     with pytest.raises(InputError, match="needs the robot's file"):
         MachineOptions(extras=(Stm32Options(image="fw.elf"),)).program()
+
+
+def test_an_image_begins_again_after_a_power_cycle() -> None:
+    robot = load_robot(str(ROBOT))
+    options = Stm32Options(image=EXAMPLES / "compare_stepper.elf").fitted(robot, Path(), compiled=False)
+    machine = EmulatedMachine(MachineParts.of(robot, python_kernel(), MachineOptions(extras=(options,))))
+    simulation = machine.simulation
+    simulation.run_until(2 * COUNTS_PER_MS)
+    simulation.power_cycle()
+    simulation.run_until(4 * COUNTS_PER_MS)
+    rises_ms = [evidence.clk_rise_counts / COUNTS_PER_MS for evidence in axes_evidence(machine)]
+    began_ms = rises_ms[0][0]
+    assert 0.7 < began_ms < 0.8  # after "ready" at 115 200 baud
+    assert rises_ms[0][rises_ms[0] > 2.0][0] == pytest.approx(2.0 + began_ms, abs=1e-4)
