@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
 _AHEAD_COUNTS: Final = COUNTS_PER_MS // 40
 """Time by which the image runs ahead at once until a pulse is long enough for its driver."""
-_STEP, _DIR, _ENABLE = 0, 1, 2
+_SLICE_COUNTS: Final = 100 * COUNTS_PER_MS
+"""Longest time that the compiled chip runs at once: Ctrl-C waits for its end."""
+_DIR, _ENABLE = 1, 2
 _MODE_COUNTS, _RESET_COUNTS, _ENABLE_COUNTS = 1000, 3000, 4000
 """When the pins that no wire of the chip sets get their levels after power-up."""
 
@@ -137,7 +139,7 @@ class ImageFirmware:
             motion.reached_counts = max(motion.reached_counts, until_counts)
         while motion.reached_counts < until_counts:
             starts = motion.starts
-            self._run(until_counts)
+            self._run(min(until_counts, motion.reached_counts + _SLICE_COUNTS))
             if motion.starts != starts:
                 break
         pulse_counts = self._drivers.pulse_min_counts
