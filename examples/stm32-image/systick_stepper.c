@@ -39,9 +39,8 @@ void systick(void)
         SCB_ICSR = 1u << 28; /* PendSV */
         return;
     }
-    /* slow down when the way to standstill, v^2 / 2a, is the rest: in units of 2^16 steps */
-    uint32_t v = speed >> 16, a = speed_up >> 8;
-    if ((uint64_t)v * v / 2 >= ((uint64_t)(uint32_t)left << 24) / 256 * a) {
+    /* slow down when the way to standstill, v^2 / 2a, is the rest */
+    if ((uint64_t)speed * speed / 2 >= (uint64_t)(uint32_t)left * speed_up << 32) {
         speed = speed > 4 * speed_up ? speed - speed_up : speed;
     } else if (speed < speed_max) {
         speed += speed_up;

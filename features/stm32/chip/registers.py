@@ -167,12 +167,12 @@ def place_registers(state: Int64Array) -> None:
 
 
 def name_of(address: int) -> str:
-    """Return the name of a register or peripheral at an address, such as `TIM2 SMCR`; else the address."""
+    """Return the name of a register at an address, such as `TIM2 SMCR` or `DMA1 offset 0x8`; else the address."""
     for peripheral in PERIPHERALS:
         if peripheral.base <= address < peripheral.base + 0x400:
             found = next((each.name for each in peripheral.registers if each.offset == address - peripheral.base), None)
             return f"{peripheral.name} {found or f'offset 0x{address - peripheral.base:X}'}"
-    named = (name for begin, end, name in NOT_MODELLED if begin <= address < end)
+    named = (f"{name} offset 0x{address - begin:X}" for begin, end, name in NOT_MODELLED if begin <= address < end)
     return next(named, f"0x{address:08X}")
 
 

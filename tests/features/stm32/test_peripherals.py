@@ -307,8 +307,8 @@ def test_what_is_not_modelled_is_counted_by_place_and_kind(bench: Bench) -> None
     bench.write(TIM2 + 8, 0)
     bench.write(TIM2 + 0x50, 0)
     assert _strange(bench) == [
-        ("ADC1", c.STRANGE_READ, 2),
-        ("USB", c.STRANGE_WRITE, 1),
+        ("ADC1 offset 0x0", c.STRANGE_READ, 2),
+        ("USB offset 0x40", c.STRANGE_WRITE, 1),
         ("TIM2 SMCR", c.STRANGE_BITS, 1),
         ("TIM2 offset 0x50", c.STRANGE_WRITE, 1),
     ]
