@@ -103,3 +103,19 @@ def test_a_vector_without_the_thumb_bit_is_a_fault() -> None:
     bench.write(_NVIC_ENABLE, 1 << 28)
     bench.run(200)
     assert (bench.chip.cells[c.FAULT], bench.chip.cells[c.FAULT_AT]) == (c.FAULT_VECTOR, 16 + 28)
+
+
+def test_a_thread_with_a_stack_of_its_own_gets_its_registers_back_from_there() -> None:
+    bench = Bench(handlers={15: LOW_HANDLER})
+    bench.write(GPIOA, 0x33333333)
+    bench.chip.set_register("psp", 0x20003000)
+    bench.chip.set_register("control", 2)
+    bench.chip.set_register("r12", 0x12345678)
+    bench.write(0xE000E014, 199)
+    bench.write(0xE000E010, 7)
+    bench.run(300)
+    assert bench.order() == "A2+ A2-"
+    assert (bench.chip.register("psp"), bench.chip.register("control")) == (0x20003000, 2)
+    assert bench.chip.register("msp") == 0x20005000
+    assert bench.chip.register("r12") == bench.chip.word(0x20003000 - 16) == 0x12345678
+    assert bench.chip.word(0x20003000 - 8) == bench.chip.word(4) - 1 + 2  # behind WFI
