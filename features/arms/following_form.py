@@ -1,7 +1,7 @@
-"""The joints of an arm with a closed form along a path: at each pose those that are nearest to where it just was.
+"""Joints of an arm with a closed form along a path: at each pose the solution nearest to the one before.
 
-So the name of the branch may change where two branches meet: straight through a wrist that is stretched, `noflip`
-becomes `flip`, and no joint jumps.
+The branch may change where two branches meet: straight through a stretched wrist, `noflip` becomes `flip`, and no joint
+jumps.
 """
 
 from math import inf
@@ -17,19 +17,19 @@ from steptwin.host.robots.kinematics.serial.levenberg import PLACE_OFF_MM
 from steptwin.host.robots.poses.rotations import wrapped_deg
 
 _WATCHED_DEG: Final = 1.0
-"""Step of a joint from pose to pose above which the other branches are looked at."""
+"""Step of a joint between poses above which the other branches are checked."""
 _OFF_GUIDE_DEG: Final = 30.0
-"""Distance from the guide above which joints are on another branch."""
+"""Distance from the guide above which joints belong to another branch."""
 
 
 class Followed(NamedTuple):
-    """The joints of an arm with a closed form along a path.
+    """Joints of an arm with a closed form along a path.
 
     Attributes:
-        first: name of the branch on which the path begins.
+        first: name of the branch at the path's start.
         joints: shape (n, 6), in degrees, without jumps of whole turns.
-        solved: the same as the closed form has them.
-        changes: the poses from which on the arm is on another branch, and its name.
+        solved: solution of the closed form.
+        changes: poses where the branch changes, and the new names.
     """
 
     first: str
@@ -39,7 +39,7 @@ class Followed(NamedTuple):
 
 
 def follow(form: SphericalWrist, poses: FloatArray, last: FloatArray) -> Followed:
-    """Return the joints along poses of shape (n, 7) in the base's frame, which begin near joints of shape (6,)."""
+    """Return the joints along poses of shape (n, 7) in the base's frame that start near joints of shape (6,)."""
     name, begin = _nearest_name(form, poses[0], last), 0
     first, joints, parts, changes = name, list[FloatArray](), list[Solved](), list[tuple[int, str]]()
     while True:
@@ -57,7 +57,7 @@ def follow(form: SphericalWrist, poses: FloatArray, last: FloatArray) -> Followe
 
 
 def joints_near(form: SphericalWrist, poses: FloatArray, guides: FloatArray) -> FloatArray:
-    """Return joints of shape (n, 6), in degrees, at poses of shape (n, 7), nearest to guides of that shape."""
+    """Return the joints nearest to guides, of shape (n, 6) in degrees, at poses of shape (n, 7)."""
     rad = np.deg2rad(guides)
     joints = turned_to(guides, np.rad2deg(form.solve(poses, form.signs_of(rad), rad).joints))
     for row in np.flatnonzero(~(np.abs(joints - guides).max(axis=1) <= _OFF_GUIDE_DEG)):
@@ -70,7 +70,7 @@ def joints_near(form: SphericalWrist, poses: FloatArray, guides: FloatArray) -> 
 
 
 def _nearest_name(form: SphericalWrist, pose: FloatArray, last: FloatArray) -> str:
-    """Return the branch whose joints at a pose of shape (7,) are nearest to joints (6,), whatever their turns."""
+    """Return the branch nearest to joints (6,), whole turns aside, at a pose of shape (7,)."""
     solved = form.solve_all(pose[np.newaxis], np.deg2rad(last))
     distances = {name: _apart(np.rad2deg(each.joints[0]), last) for name, each in solved.items()}
     nearest = min(distances, key=distances.__getitem__)
@@ -78,12 +78,12 @@ def _nearest_name(form: SphericalWrist, pose: FloatArray, last: FloatArray) -> s
 
 
 def _apart(joints: FloatArray, others: FloatArray) -> float:
-    """Return the largest angle between joints, whatever their turns; infinite for joints that do not exist."""
+    """Return the largest angle between joints, whole turns aside; infinite for joints that do not exist."""
     return float(np.nan_to_num(np.abs(wrapped_deg(joints - others)).max(), nan=inf))
 
 
 def _continued(solved: Solved, last: FloatArray) -> FloatArray:
-    """Return joints in degrees, (n, 6), that go on from `last` without jumps of whole turns; a free q4 stays."""
+    """Return joints in degrees, (n, 6), that continue from `last` without jumps of whole turns; a free q4 stays."""
     joints = np.rad2deg(solved.joints)
     if solved.is_free.any():
         kept = np.maximum.accumulate(np.where(solved.is_free, -1, np.arange(len(joints))))
@@ -96,9 +96,9 @@ def _continued(solved: Solved, last: FloatArray) -> FloatArray:
 def _first_change(
     form: SphericalWrist, poses: FloatArray, joints: FloatArray, last: FloatArray, name: str
 ) -> tuple[int, str]:
-    """Return where another branch is nearer to the joints before than the present one, and its name.
+    """Return the first pose where another branch is nearer to the joints before, and its name.
 
-    That is nowhere, at the end, on most paths. Only the steps that are not small are looked at.
+    Most paths have none, and the index is their length. Only large steps are checked.
     """
     before = np.vstack([last, joints[:-1]])
     steps = np.abs(joints - before).max(axis=1)

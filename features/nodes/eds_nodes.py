@@ -1,4 +1,4 @@
-"""Read the device descriptions (EDS, CiA 306) of further nodes on the bus, and make simple nodes of them."""
+"""Make simple nodes from the device descriptions (EDS, CiA 306) of further nodes on the bus."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,20 +15,20 @@ from steptwin.protocol import od
 from steptwin.protocol.frame import FIRST_NODE_ID, HOST_NODE_ID, NODE_ID_MAX
 
 EDS_BYTES_MAX: Final = 4 << 20
-"""The longest EDS that is read; those of large drives have some 500 kB."""
+"""Largest EDS that is read; those of large drives have some 500 kB."""
 
 
 def eds_nodes(files: Mapping[int, Path | str], axes: int) -> dict[int, SimpleNode]:
-    """Return a node for each id and EDS, beside a machine with so many axes.
+    """Return a node for each id and EDS, for a machine with `axes` axes.
 
     Raises:
-        InputError: an id is taken or is none, or a file is no EDS that can be read, or contradicts itself.
+        InputError: an id is taken or invalid, or a file is unreadable, not an EDS, or contradicts itself.
     """
     return {node_id: SimpleNode(read_node(node_id, path, axes)) for node_id, path in files.items()}
 
 
 def read_node(node_id: int, path: Path | str, axes: int) -> NodeDescription:
-    """Return what an EDS says of the node of this id; raises as `eds_nodes`."""
+    """Return the description of a node from its EDS; raises as `eds_nodes`."""
     given = f"nodes=0x{node_id:02X}={path}: " if node_id >= 0 else f"nodes={node_id}={path}: "
     with prefixed(given):
         _check_id(node_id, axes)
@@ -54,7 +54,7 @@ def _check_id(node_id: int, axes: int) -> None:
 
 
 def _check_pdos(objects: NodeObjects) -> None:
-    """Raise InputError for a PDO that maps what it cannot carry after power-up."""
+    """Raise InputError for a PDO with a mapping that it cannot carry after power-up."""
     for communications, received in ((RPDOS, True), (TPDOS, False)):
         for _, mapping in objects.pdos(communications):
             bits = 0

@@ -1,4 +1,4 @@
-"""Make a simple node's entries of the sections of an EDS or DCF (CiA 306)."""
+"""Make a simple node's entries from the sections of an EDS or DCF (CiA 306)."""
 
 import re
 from collections.abc import Mapping
@@ -16,9 +16,9 @@ from steptwin.protocol.entry import Access
 from steptwin.protocol.frame import COB_EMCY, COB_ID_INVALID, COB_RPDO, COB_SYNC, COB_TPDO
 
 ENTRIES_MAX: Final = 20_000
-"""Entries of a file: four times those of the largest drives. CompactSubObj makes 254 of a few bytes."""
+"""Largest number of entries: four times that of the largest drives. CompactSubObj makes 254 from a few bytes."""
 _FIRST_INDEX: Final = 0x1000
-"""Below it are data types, which are no entries."""
+"""First index of entries; data types are below it."""
 _SUBINDEX_MAX: Final = 0xFF
 _COMPACT_MAX: Final = 0xFE
 _OBJECT: Final = re.compile(r"([0-9a-f]{4})(?:sub([0-9a-f]+))?", re.ASCII)
@@ -26,7 +26,7 @@ _DOMAIN, _VARIABLE, _ARRAY, _RECORD = 0x2, 0x7, 0x8, 0x9
 """Values of ObjectType."""
 _DEFAULT, _VALUE = "DefaultValue", "ParameterValue"
 _ZERO: Final = re.compile(r"0(x0+)?", re.ASCII | re.IGNORECASE)
-"""What files write where there is nothing, even for a number with a point or for bytes."""
+"""Text of a missing value, even for a number with a decimal point or for bytes."""
 
 _WHOLE: Final = {
     datatypes.BOOLEAN: (1, False),
@@ -54,11 +54,11 @@ _OTHERS: Final = {
     datatypes.VISIBLE_STRING: (ValueForm.TEXT, 0),
     datatypes.UNICODE_STRING: (ValueForm.WIDE_TEXT, 0),
 }
-"""Every type that is in neither table is bytes."""
+"""Other types with a form of their own; types in neither table are bytes."""
 _STANDARD_TYPE_MAX: Final = datatypes.UNSIGNED64
 _TIME_BYTES: Final = 6
 _TIMES: Final = (datatypes.TIME_OF_DAY, datatypes.TIME_DIFFERENCE)
-"""Types of bytes whose values the file has as numbers."""
+"""Types of bytes with values that files write as numbers."""
 _ACCESS: Final = {
     "ro": Access.READ_ONLY,
     "wo": Access.WRITE_ONLY,
@@ -78,11 +78,11 @@ _NOTHING: Final[Mapping[ValueForm, NodeValue]] = {
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """Where a file describes an entry, and where its value stands.
+    """Place of an entry and of its value in a file.
 
     Attributes:
-        section: the description.
-        name: the entry's name.
+        section: section of the description.
+        name: name of the entry.
         value: section and key of its value, which may be empty.
     """
 
@@ -92,14 +92,14 @@ class _Place:
 
     @classmethod
     def of(cls, section: EdsSection, name: str) -> "_Place":
-        """Return the place of an entry whose section says all; the value of a DCF counts before the default."""
+        """Return the place of an entry with a section of its own; a DCF's value takes precedence over the default."""
         return cls(section, name, (section, _VALUE if section.text(_VALUE) else _DEFAULT))
 
 
 def entries_of(sections: Mapping[str, EdsSection], node_id: int) -> dict[int, NodeEntry]:
-    """Return the entries that a file describes, by their addresses in order.
+    """Return the entries of a file by address, in order.
 
-    Raises InputError for too many, and, with section and key, for what cannot be read.
+    Raises InputError for too many entries and, with section and key, for unreadable ones.
     """
     objects, subs = _objects(sections)
     found: dict[int, NodeEntry] = {}
@@ -150,11 +150,11 @@ def _objects(sections: Mapping[str, EdsSection]) -> tuple[dict[int, EdsSection],
     return objects, subs
 
 
-# --- objects that are described at once (CompactSubObj)
+# --- objects described together (CompactSubObj)
 
 
 def _compact(section: EdsSection) -> int:
-    """Return the number of entries that a section describes at once; 0 for one that describes itself."""
+    """Return the number of entries that a section describes together; 0 for a section of one entry."""
     count = section.number("CompactSubObj") or 0
     if not 0 <= count <= _COMPACT_MAX:
         raise section.refused("CompactSubObj", f"is not from 1 to {_COMPACT_MAX}")
@@ -162,7 +162,7 @@ def _compact(section: EdsSection) -> int:
 
 
 def _compact_places(sections: Mapping[str, EdsSection], index: int, name: str, count: int) -> dict[int, _Place]:
-    """Return where the entries from sub-index 1 on are described at once, with the names and values that are listed."""
+    """Return the places of entries from sub-index 1 on that are described together, with listed names and values."""
     section = sections[f"{index:04x}"]
     names, values = (_listed(sections.get(f"{index:04x}{what}"), count) for what in ("name", "value"))
     places = {}
@@ -176,7 +176,7 @@ def _compact_places(sections: Mapping[str, EdsSection], index: int, name: str, c
 
 
 def _listed(section: EdsSection | None, count: int) -> dict[int, tuple[EdsSection, str]]:
-    """Return section and key of what a section such as [1600Value] lists, by the sub-index that is its key."""
+    """Return section and key of each item in a section such as [1600Value], by its sub-index."""
     if section is None:
         return {}
     listed: dict[int, tuple[EdsSection, str]] = {}
@@ -192,7 +192,7 @@ def _listed(section: EdsSection | None, count: int) -> dict[int, tuple[EdsSectio
 
 
 def _number_of_entries(index: int, entries: Mapping[int, NodeEntry], count: int) -> NodeEntry:
-    """Return the entry of sub-index 0. Of the mapping of a PDO as many entries are in use as have a value."""
+    """Return the entry of sub-index 0. A PDO's mapping uses as many entries as have a value."""
     if index in RPDO_MAPS or index in TPDO_MAPS:
         count = next((i - 1 for i in range(1, count + 1) if not entries[i].default), count)
     return NodeEntry("Number of entries", ValueForm.WHOLE, 8, signed=False, access=Access.READ_ONLY, default=count)
@@ -235,7 +235,7 @@ def _entry(sections: Mapping[str, EdsSection], place: _Place, address: int, node
 
 
 def _data_type(sections: Mapping[str, EdsSection], section: EdsSection) -> int:
-    """Return the type of an entry; one of a manufacturer's own is that of the second entry of its own object."""
+    """Return the type of an entry; a manufacturer's own type is that of the second entry of its own object."""
     data_type = section.number("DataType")
     if data_type is None:
         if section.number("ObjectType") == _DOMAIN:
@@ -263,10 +263,10 @@ def _limit(section: EdsSection, key: str, entry: NodeEntry, node_id: int) -> int
 
 
 def _value(text: str, entry: NodeEntry, data_type: int, node_id: int) -> NodeValue:
-    """Return the value that a text spells.
+    """Return the value of a text.
 
     Raises:
-        ValueError: it is none of the entry's type.
+        ValueError: the type does not have this value.
     """
     match entry.form:
         case ValueForm.WHOLE:
@@ -292,18 +292,18 @@ def _bytes(text: str, data_type: int) -> bytes:
             return b""
         if data_type == datatypes.OCTET_STRING:
             raise ValueError("is no row of bytes with two hexadecimal digits each") from None
-        return text.encode()  # a domain may hold anything, also what the file writes as a text
+        return text.encode()  # a domain may hold anything, even the file's text itself
 
 
 def _in_type(number: int, bits: int, *, signed: bool) -> int:
-    """Return a number that may be written as the bits of a negative one, such as 0xFFFFFFFF for -1."""
+    """Return a number that a file may write as the bits of a negative one, such as 0xFFFFFFFF for -1."""
     return number - (1 << bits) if signed and 1 << bits - 1 <= number < 1 << bits else number
 
 
 def _predefined(address: int, node_id: int) -> int | None:
-    """Return the identifier that an entry without a default has by the predefined connection set; None: no such entry.
+    """Return the identifier of an entry without a default by the predefined connection set; None for other entries.
 
-    PDOs beyond the first four have none and do not exist (CiA 301, section 7.3.5).
+    The set has no PDOs beyond the first four; those do not exist then (CiA 301, section 7.3.5).
     """
     if address == od.SYNC_COB_ID:
         return COB_SYNC

@@ -1,4 +1,4 @@
-"""`steptwin replay LOG ROBOT`: play a recorded bus into the board again, and compare what it does."""
+"""`steptwin replay LOG ROBOT`: replay a recorded bus and compare the boards' reactions."""
 
 from dataclasses import MISSING, dataclass, replace
 from pathlib import Path
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ReplayOptions:
-    """The options that say what is replayed of a recording, against what, and where the replay goes."""
+    """Options of a replay: what to play, what to compare with, and where to write."""
 
     against: Path | None = option("DIR", "Folder of the run that was recorded: where it began, and its edges.")
     out: str | None = option("DIR", "Folder to write the replay in, like a run's.")
@@ -68,7 +68,7 @@ def replay(
 
 
 def _recording(log: Path, against: Path | None) -> tuple[Path, Path | None]:
-    """Return the file of the recording and the folder of its run: that of --against, or the one that holds the log."""
+    """Return the file of the recording and the folder of its run: that of --against, or the one with the log."""
     from steptwin.host.record.folder import BUS_LOG, ROBOT
 
     if log.is_dir():
@@ -78,7 +78,7 @@ def _recording(log: Path, against: Path | None) -> tuple[Path, Path | None]:
 
 
 def _robot(which: RobotOptions, name: str | None, folder: Path | None) -> "Robot":
-    """Return the robot that is named, else that of the run's folder."""
+    """Return the named robot; without a name, the robot of the run's folder."""
     from steptwin.host.record.folder import read_robot
 
     if folder is not None and name is None and which.robot_file is None:
@@ -93,7 +93,7 @@ def _stored(folder: Path, robot: "Robot") -> "StoredMachine":
 
 
 def say_result(result: "Replayed") -> None:
-    """Print what a replay has found, in some lines."""
+    """Print the result of a replay."""
     bus = result.bus
     clock = "on the board's clock" if bus.on_board_clock else "by a computer's clock"
     say(f"{bus.path}: {len(bus.frames)} frames {clock}, {result.played} of them played to {result.robot.name}")

@@ -1,4 +1,4 @@
-"""Describe a robot's shelf to the emulator, and convert what happened there into evidence."""
+"""Connect a robot's shelf to the emulator, and convert its events into evidence."""
 
 from collections import deque
 from collections.abc import Collection, Mapping, Sequence
@@ -25,9 +25,9 @@ from steptwin.host.twin.machine.boards import standing_steps
 from steptwin.host.twin.machine.input_changes import Wires
 
 EVENTS_MAX: Final = 1000
-"""Number of events that a served board's shelf remembers."""
+"""Number of events that a served board's shelf keeps."""
 SHUT_MM: Final = 1.0
-"""Distance by which a drawer may be out and still count as shut: its catch takes it."""
+"""Largest opening of a drawer that counts as shut: its catch closes it."""
 
 
 def shelf_part(
@@ -37,18 +37,18 @@ def shelf_part(
     options: ShelfOptions | None,
     waits_for: Collection[str] | None,
 ) -> "ShelfPart | None":
-    """Return a robot's shelf as the emulator has it; None if the robot has none.
+    """Return a robot's emulated shelf; None if the robot has none.
 
     Args:
         robot: the machine.
-        start_joints: joint positions where it stands at power-up, mm and degrees.
+        start_joints: joint positions at power-up, mm and degrees.
         axes_per_board: number of axes on each board.
-        options: how the shelf differs from the usual one.
-        waits_for: inputs for which the motion waits: without a sensor among them no sensor is connected, which leaves
-            the bus as it was. None: unknown.
+        options: differences from the usual shelf.
+        waits_for: inputs for which the motion waits. Without a sensor among them no sensor is connected, and the bus is
+            as without sensors. None: unknown.
 
     Raises:
-        InputError: the stock or the locked drawers are in places that the shelf does not have.
+        InputError: stock or locked drawers are in places that the shelf does not have.
     """
     options = options or ShelfOptions()
     shelf, stock, locked = shelf_of(robot), options.boxes, options.locked_drawers
@@ -87,7 +87,7 @@ def shelf_part(
 
 
 class ShelfPart(MachinePart):
-    """The shelf of one machine, from power-up on."""
+    """Shelf of one machine from power-up on."""
 
     def __init__(self, wiring: ShelfWiring) -> None:
         self._wiring = wiring
@@ -101,33 +101,33 @@ class ShelfPart(MachinePart):
         return self._watch
 
     def join(self, simulation: Simulation) -> ShelfWatch:
-        """Return the shelf beside the boards of a simulation."""
+        """Return the participant of a simulation that runs the shelf."""
         self._watch = ShelfWatch(self._wiring, simulation)
         return self._watch
 
     def evidence(self) -> ShelfEvidence:
-        """Look now; return what has happened since power-up."""
+        """Update the shelf; return its events since power-up."""
         self._joined.look_now()
         return self.seen()
 
     def seen(self) -> ShelfEvidence:
-        """Return what has happened up to the last look."""
+        """Return the events up to the last update."""
         now = shelf_evidence(self._joined.shelf, dict(self._wiring.shelf.stock))
         return replace(now, events=(*self._past, *now.events))
 
     def end_round(self) -> None:
-        """Forget all events but the last ones."""
+        """Drop all events but the last ones."""
         self._past.extend(shelf_evidence(self._joined.shelf, {}).events)
         self._joined.shelf.events.clear()
 
 
 def usual_stock(shelf: Shelf) -> dict[str, str]:
-    """Return the boxes of a shelf without --stock: one at each spot from which boxes come."""
+    """Return the default boxes of a shelf: one at each feeding spot."""
     return {name: f"{name}-box" for name, spot in shelf.spots.items() if not spot.clears and not spot.feeds}
 
 
 def shelf_evidence(shelf: MovingShelf, start: Mapping[str, str]) -> ShelfEvidence:
-    """Return what happened at an emulated shelf; `start` is the stock at power-up."""
+    """Return the evidence of an emulated shelf; `start` is the stock at power-up."""
     events = tuple(
         ShelfEvent(event.counts, event.kind.value, event.where, event.box, event.kind.is_fault, event.tip_mm)
         for event in shelf.events
@@ -138,7 +138,7 @@ def shelf_evidence(shelf: MovingShelf, start: Mapping[str, str]) -> ShelfEvidenc
 
 
 class _TipAt:
-    """Computes where the tool's tip is, from the positions of all rotors since power-up."""
+    """Calculates the position of the tool's tip from the positions of all rotors since power-up."""
 
     def __init__(self, robot: Robot, start_joints: Sequence[float]) -> None:
         self._start_steps = np.array(standing_steps(robot, start_joints))

@@ -1,7 +1,7 @@
-"""The classroom robot's parts at spots: its job `carry` with what it does to them.
+"""Parts of the classroom robot at spots, and its job `carry`, which moves them.
 
-If the robot's file has the presets among the spots of its shelf, a part lies at the first one, and each repetition
-brings one to the second.
+If the shelf of the robot's file has the presets among its spots, a part is at the first one, and each repetition brings
+one to the second.
 """
 
 from dataclasses import replace
@@ -26,7 +26,7 @@ def _carried(robot: Robot, options: CarryOptions) -> tuple[Carry, ...]:
 
 
 def missed_presets(robot: Robot) -> list[str]:
-    """Return a line for each preset among a robot's spots where `carry` does not bring the gripper to the part."""
+    """Return a line for each preset among a robot's spots where `carry` misses the part."""
     shelf, lines = shelf_of(robot), list[str]()
     if shelf is None or robot.kinematics != KIND:
         return lines

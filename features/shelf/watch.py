@@ -1,8 +1,8 @@
-"""Let a shelf follow the boards that work there: when it looks at the tool and the outputs, and its sensors' inputs.
+"""Update a shelf with its boards: when to look at tool and outputs, and the levels of the sensors' inputs.
 
-The shelf looks whenever one of its outputs has changed. While the hand holds a drawer and axes move, and once when they
-have come to rest, it also looks every LOOK_COUNTS: a sensor sees a drawer at its end at most so late. Without sensors
-it looks less often, only to see whether the drawer can follow.
+The shelf looks after each change of its outputs. While the hand holds a drawer and axes move, and once when they have
+stopped, it also looks every LOOK_COUNTS, which is the largest delay of a sensor at a drawer's end. Without sensors it
+looks less often, only to check that the drawer can follow.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -16,22 +16,22 @@ from steptwin.features.shelf.moving_shelf import MovingShelf, Point, Sensed, She
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 LOOK_COUNTS: Final = COUNTS_PER_SECOND // 100
-"""10 ms: a drawer that is pulled with 30 mm/s moves by 0.3 mm between two looks."""
+"""10 ms: a drawer pulled with 30 mm/s moves by 0.3 mm between two looks."""
 IDLE_LOOK_COUNTS: Final = COUNTS_PER_SECOND // 10
-"""The same without sensors."""
+"""Period of looks without sensors."""
 
 
 @dataclass(frozen=True, slots=True)
 class ShelfWiring:
-    """How a shelf is connected to boards.
+    """Connections of a shelf to boards.
 
     Attributes:
         shelf: the shelf.
-        tip_at: returns where the tool's tip is, in mm, for the positions of all rotors since power-up, board by board,
-            in full steps.
+        tip_at: returns the position of the tool's tip in mm for the positions of all rotors since power-up, board by
+            board, in full steps.
         lock: output of the hand's lock; None without drawers.
         magnet: output of its magnet.
-        sensors: inputs of the sensors, by the fields of Sensed; those that are left out are not connected.
+        sensors: inputs of the connected sensors, by the fields of Sensed.
     """
 
     shelf: ShelfConfig
@@ -45,13 +45,13 @@ class ShelfWatch:
     """A shelf beside the boards of a simulation."""
 
     def __init__(self, wiring: ShelfWiring, simulation: Simulation) -> None:
-        """Stand beside the boards of a simulation."""
+        """Connect to the boards of a simulation."""
         self.shelf: MovingShelf = MovingShelf(wiring.shelf)
         self._wiring = wiring
         self._simulation = simulation
         self._boards = simulation.boards
         self._seen_changes = 0
-        """Changes of outputs up to the last look."""
+        """Number of output changes up to the last look."""
         self._looked_counts = 0
         self._rested = True
         """True if nothing has moved since the last look."""
@@ -61,7 +61,7 @@ class ShelfWatch:
 
     @property
     def next_due_counts(self) -> int | None:
-        """Instant of the next look that is due by itself; None while no drawer moves."""
+        """Instant of the next periodic look; None while no drawer moves."""
         if not self.shelf.held or (self._rested and not self._moving):
             return None
         every_counts = LOOK_COUNTS if self._wiring.sensors else IDLE_LOOK_COUNTS
@@ -72,9 +72,9 @@ class ShelfWatch:
         return any(board.moving for board in self._boards)
 
     def step(self, now_counts: int) -> None:
-        """Look if an output has changed, or if a look is due by itself; let the boards see what the sensors see."""
+        """Look after a change of an output or when a periodic look is due; set the sensors' inputs."""
         changes = 0
-        for board in self._boards:  # at each event: `sum` would take three times as long
+        for board in self._boards:  # runs at each event: `sum` would take three times as long
             changes += board.output_change_count
         if changes == self._seen_changes:
             if not self.shelf.held:
@@ -88,7 +88,7 @@ class ShelfWatch:
             self._simulation.apply(change, number)
 
     def look_now(self) -> None:
-        """Look whatever has changed, as at the end of a run; no input changes."""
+        """Look at the end of a run, whatever has changed; inputs stay."""
         now_counts = self._simulation.now_counts
         self._rested, self._looked_counts = not self._moving, now_counts
         wiring, rotors = self._wiring, self._simulation.rotors_full_steps()
