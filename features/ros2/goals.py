@@ -163,7 +163,7 @@ def follow_goal(robot: Robot, args: object, standing: list[float]) -> FollowGoal
 
 
 def step_tolerances(robot: Robot) -> FloatArray:
-    """Return each joint's largest deviation from its plan by the firmware's step rule, shape (joints,), mm and degrees."""
+    """Return each joint's largest deviation from its plan by the firmware's step rule, shape (joints,), mm or deg."""
     per_axis = np.array([1.0 / joint.transmission.microsteps for joint in robot.axes])
     units = np.diag(END_ERROR_STEPS_MAX * UNITS_PER_FULL_STEP * per_axis)
     rounding = 1.0 + 1e-6
