@@ -1,4 +1,4 @@
-"""`steptwin home`, `move` and `jog ROBOT WHAT AMOUNT --connect ...`: find where a live machine stands, and move it."""
+"""`steptwin home`, `move` and `jog ROBOT WHAT AMOUNT --connect ...`: home a live machine, and move it."""
 
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Final
@@ -60,7 +60,7 @@ def home(
 
 
 def _tell_moved(live: LiveOptions, robot: "Robot", moved: "Moved") -> None:
-    """Print the joints at the end, and the tool's pose if it is known; with JSON also start, goal and duration."""
+    """Print the final joint positions, and the tool's pose if known; in JSON also start, goal and duration."""
     names = robot.joint_names
     figures = {
         key: dict(zip(names, value, strict=True)) if isinstance(value, list) else value
@@ -72,7 +72,7 @@ def _tell_moved(live: LiveOptions, robot: "Robot", moved: "Moved") -> None:
 
 @dataclass(frozen=True, slots=True)
 class PoseOptions:
-    """The options that say where the tool is to be."""
+    """Options for the tool's pose."""
 
     x: float | None = option("MM", "Target position; by default it stays.", read=finite_number)
     y: float | None = option("MM", "Target position; by default it stays.", read=finite_number)
@@ -84,7 +84,7 @@ class PoseOptions:
     turned: OrientationOptions = field(default_factory=OrientationOptions)
 
     def given(self) -> "ToolPosition | None":
-        """Return the coordinates that are given; None without any."""
+        """Return the given coordinates; None without any."""
         from steptwin.host.planning.programs.positions import ToolPosition
 
         asked = {"x": self.x, "y": self.y, "z": self.z, "phi": self.phi}
@@ -230,7 +230,7 @@ def _unit(robot: "Robot", name: str) -> str:
 
 
 def _amount(text: str, unit: str, *, timed: bool) -> tuple[float, bool]:
-    """Return the number of a distance or a speed, and whether it is a speed: by its unit, or because it is timed."""
+    """Return the number of a distance or a speed, and whether it is a speed: by its unit, or by --seconds."""
     from steptwin.host.robots.joint import Unit
 
     number, per_second = text.removesuffix("/s"), text.endswith("/s")
