@@ -27,6 +27,8 @@ from steptwin.host.common.choices import name_value_pairs
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from steptwin.features.motors.sizing.fitting import Fit, JointFit
     from steptwin.features.motors.turning.ramps import JointRamp
     from steptwin.host.robots.robot import Robot
@@ -251,7 +253,8 @@ def _tell_run(answer: AnswerOptions, folder: Path, load: LoadOptions, out: Path 
     ran = motors_of(robot, run.comparison, run.report.driver_profile, load.current)
     margins = margins_of(ran, run.comparison) if margin else None
     document = {"robot": robot.name, "job": run.report.document["job"], "motors": ran.verdict.to_dict()}
-    in_words = [
+    in_words: list[str | Callable[[], None]] = [
+        f"{robot.name}: {ran.verdict.answer}",
         lambda: print_motors(ran.verdict),
         lambda: warn_of_payloads(run.report.document, ran.verdict.payload_kg),
     ]

@@ -65,4 +65,9 @@ class MotorRunHook(RunHook):
         def save(folder: "Path", pictures: bool) -> None:
             keep_drawn(folder, ran, outcome.report.run, pictures=pictures)
 
-        return Added(outcome.with_feature(NAME, seen), lambda: print_motors(ran.verdict), save)
+        return Added(
+            outcome.with_feature(NAME, seen),
+            lambda: print_motors(ran.verdict),
+            save,
+            f"{robot.name}: {ran.verdict.answer}",
+        )

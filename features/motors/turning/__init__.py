@@ -74,5 +74,5 @@ def motors_of_run(
     wall_s = time.perf_counter() - began_s
     paths = ToolPaths.of(driving, comparison, trace)
     torques = torques_of_plan(driving, comparison, trace.supply_span_v[0])
-    verdict = motor_verdict(driving, torques, trace, ToolReached.of(paths))
+    verdict = motor_verdict(driving, comparison, torques, trace, ToolReached.of(paths))
     return MotorRun(driving, trace, torques, paths, verdict, wall_s)

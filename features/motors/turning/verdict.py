@@ -3,6 +3,7 @@
 The pose by the rotors is compared with the planned one and with the one that the drivers counted.
 """
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Final, Self
 
@@ -135,6 +136,43 @@ class JointLoad:
     winding_celsius_steady: float
 
 
+_BEFORE_S: Final = 0.05
+"""Time before a slip in which its cause is looked for: some periods of a rotor that swings."""
+
+
+@dataclass(frozen=True, slots=True)
+class FirstSlip:
+    """The first slip of a run, with the torques just before it.
+
+    Attributes:
+        name: the joint.
+        at_s: its time from the start of the motion.
+        place: planned positions of all joints then, by joint.
+        torque_needed_nm: needed torque where the margin was least, at most 50 ms before.
+        torque_available_nm: pull-out torque there.
+        rpm: the motor's speed there.
+    """
+
+    name: str
+    at_s: float
+    place: Mapping[str, float]
+    torque_needed_nm: float
+    torque_available_nm: float
+    rpm: float
+
+    def __str__(self) -> str:
+        if self.at_s < 0.0:
+            load = f"against a load of {self.torque_needed_nm:.3f} Nm"
+            return f"{self.name} slips first, {-self.at_s:.3f} s before the motion, while the drivers switch on, {load}"
+        place = ", ".join(f"{name} {position:.3f}" for name, position in self.place.items())
+        needs, has = f"{self.torque_needed_nm:.3f} Nm", f"{self.torque_available_nm:.3f} Nm"
+        if self.torque_needed_nm > self.torque_available_nm:
+            why = f"the motion needs {needs} at {self.rpm:.0f} turns a minute, and the motor has {has}"
+        else:
+            why = f"its rotor swings: the motion alone needs only {needs} of {has}"
+        return f"{self.name} slips first, at {self.at_s:.3f} s and {place}, because {why}"
+
+
 @dataclass(frozen=True, slots=True)
 class MotorVerdict:
     """Verdict on a run's motors: slips, torque margins and heat.
@@ -149,6 +187,7 @@ class MotorVerdict:
         chip: chip of the drivers.
         other_payloads_kg: masses of the payload that were set during the run. The rotors felt them, but needed torques
             are computed for `payload_kg`.
+        first_slip: the first slip of all joints; None without one.
     """
 
     payload_kg: float
@@ -159,6 +198,24 @@ class MotorVerdict:
     joints: tuple[JointLoad, ...]
     chip: ChipSheet
     other_payloads_kg: tuple[float, ...] = ()
+    first_slip: FirstSlip | None = None
+
+    @property
+    def answer(self) -> str:
+        """Whether the machine loses steps, in one sentence."""
+        if self.first_slip is not None:
+            lost = [f"{abs(joint.lost_full_steps):g} full steps of {joint.name}" for joint in self._slipped]
+            return f"LOSES STEPS, in the end {', '.join(lost)}: {self.first_slip}"
+        least = min(self.joints, key=lambda joint: joint.margin)
+        when = f"at {least.margin_at_s:.3f} s and {least.margin_rpm:.0f} turns a minute"
+        if least.margin < 0.0:
+            needed = f"{100 * (1 - least.margin):.0f} % of its torque"
+            return f"keeps step: {least.name} needs {needed} {when}, but not for long"
+        return f"keeps step, with {100 * least.margin:.0f} % of {least.name}'s torque left {when}"
+
+    @property
+    def _slipped(self) -> list[JointLoad]:
+        return [joint for joint in self.joints if joint.first_slip_s is not None]
 
     @property
     def kept_step(self) -> bool:
@@ -203,6 +260,8 @@ class MotorVerdict:
             "supply_v_min": self.supply_v_min,
             "supply_v_max": self.supply_v_max,
             "kept_step": self.kept_step,
+            "answer": self.answer,
+            **({"first_slip": asdict(self.first_slip)} if self.first_slip is not None else {}),
             "assumed": ["masses"],
             "tool": asdict(self.tool),
             "joints": [asdict(joint) for joint in self.joints],
@@ -224,12 +283,42 @@ def _heat(joint: JointLoad) -> str:
     )
 
 
-def motor_verdict(driving: Driving, torques: Torques, trace: RotorTrace, tool: ToolReached) -> MotorVerdict:
+def motor_verdict(
+    driving: Driving, comparison: Comparison, torques: Torques, trace: RotorTrace, tool: ToolReached
+) -> MotorVerdict:
     """Judge a run by its rotors, and by the torques that its plan needs."""
     dynamics = driving.dynamics
     loads = tuple(_joint_load(driving, torques, trace, axis) for axis in range(len(driving.robot.axes)))
     return MotorVerdict(
-        dynamics.payload_kg, dynamics.supply_v, *trace.supply_span_v, tool, loads, driving.chip, trace.other_payloads_kg
+        dynamics.payload_kg,
+        dynamics.supply_v,
+        *trace.supply_span_v,
+        tool,
+        loads,
+        driving.chip,
+        trace.other_payloads_kg,
+        _first_slip(driving, comparison, torques, trace),
+    )
+
+
+def _first_slip(driving: Driving, comparison: Comparison, torques: Torques, trace: RotorTrace) -> FirstSlip | None:
+    slips = [(counts, axis) for axis, counts in enumerate(trace.first_slip_counts) if counts is not None]
+    if not slips:
+        return None
+    counts, axis = min(slips)
+    at_s = driving.seconds(counts)
+    trajectory = comparison.expected.trajectory
+    in_motion_s = min(max(at_s, 0.0), trajectory.duration_s)
+    first, last = np.searchsorted(torques.t_s, (in_motion_s - _BEFORE_S, in_motion_s), side="left").tolist()
+    worst = first + int(np.argmin(torques.margins[first : last + 1, axis]))
+    positions = trajectory.positions(np.array([in_motion_s]))[0].tolist()
+    return FirstSlip(
+        name=driving.robot.axis_names[axis],
+        at_s=at_s,
+        place=dict(zip(trajectory.joint_names, positions, strict=True)),
+        torque_needed_nm=float(abs(torques.needed_nm[worst, axis])),
+        torque_available_nm=float(torques.available_nm[worst, axis]),
+        rpm=float(abs(torques.rpm[worst, axis])),
     )
 
 

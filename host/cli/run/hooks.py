@@ -41,11 +41,13 @@ class Added(NamedTuple):
         outcome: the run, with the feature's evidence.
         print: prints the evidence, after the report.
         save: writes files into the run's folder; the second argument is True if there are pictures.
+        answer: first sentence of the run's report; empty for none.
     """
 
     outcome: "Outcome"
     print: Callable[[], None]
     save: "Callable[[Path, bool], None]"
+    answer: str = ""
 
 
 class RunHook:

@@ -153,6 +153,9 @@ class FinishedRun:
     def print(self) -> None:
         """Print the report, the texts of features, and their additions."""
         document = self.outcome.to_dict()
+        for each in self.added:
+            if each.answer:
+                say(each.answer)
         print_report(document)
         for telling in tellings():
             telling.print_run(document)
