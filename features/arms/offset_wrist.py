@@ -102,7 +102,7 @@ class OffsetWrist:
             starts = self._starts(neighbours, local, name, standing[:, free])
             starts[present == name] = standing[present == name][:, free]
             found.append(self._refined(poses, standing, starts))
-        for each, stands in zip(found, _told_apart(self.form, names, found, free), strict=True):
+        for each, stands in zip(found, _of_own_branch(self.form, names, found, free), strict=True):
             each.joints[~stands] = np.nan
         return list(zip(names, solved, found, strict=True))
 
@@ -138,7 +138,7 @@ class OffsetWrist:
         return found
 
 
-def _told_apart(form: SphericalWrist, names: Sequence[str], found: Sequence[Found], free: list[int]) -> BoolArray:
+def _of_own_branch(form: SphericalWrist, names: Sequence[str], found: Sequence[Found], free: list[int]) -> BoolArray:
     """Return, of shape (branches, n), which solutions belong to their branch.
 
     Where branches meet, several starts give one solution. It counts once, for the branch that its own shape names, or

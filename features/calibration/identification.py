@@ -86,7 +86,7 @@ def identify_errors(chain: Chain, measurements: Measurements) -> Identification:
         InputError: there are too few measurements, or they belong to another robot.
     """
     with planning_step("the calibration"):
-        found, told = _fitted_and_told(chain, measurements)
+        found, told = _fitted_and_identified(chain, measurements)
     after_mm, slopes = _residuals(found, measurements), _slopes(found, measurements)
     freedom = after_mm.size - int(told.sum())
     noise_mm = float(np.sqrt(np.sum(after_mm**2) / freedom))
@@ -115,7 +115,7 @@ def _slopes(chain: Chain, measurements: Measurements) -> FloatArray:
     return chain.sensitivities(measurements.joints)[:, :3].reshape(3 * len(measurements), -1)
 
 
-def _told_apart(slopes: FloatArray, preferred: BoolArray) -> BoolArray:
+def _independent(slopes: FloatArray, preferred: BoolArray) -> BoolArray:
     """Return the parameters that move the tool in a way of their own, preferred ones first (Gram-Schmidt)."""
     least = LEAST_OWN_MOVE_MM * np.sqrt(len(slopes) / 3)
     told = np.zeros_like(preferred)
@@ -131,7 +131,7 @@ def _told_apart(slopes: FloatArray, preferred: BoolArray) -> BoolArray:
     return told
 
 
-def _fitted_and_told(chain: Chain, measurements: Measurements) -> tuple[Chain, BoolArray]:
+def _fitted_and_identified(chain: Chain, measurements: Measurements) -> tuple[Chain, BoolArray]:
     """Return the fitted chain and the identified parameters.
 
     The identified set depends on the values: the angle of a tool without an offset cannot be identified. So each fit
@@ -141,14 +141,14 @@ def _fitted_and_told(chain: Chain, measurements: Measurements) -> tuple[Chain, B
     """
     if not len(measurements):
         raise InputError("has no measurement")
-    told = _told_apart(_slopes(chain, measurements), np.zeros(chain.errors.size, dtype=np.bool_))
+    told = _independent(_slopes(chain, measurements), np.zeros(chain.errors.size, dtype=np.bool_))
     found = chain
     for fits in count(1):
         check_planning_time()
         _check_enough(measurements, int(told.sum()))
         start = found.with_errors(np.where(told, found.errors.ravel(), chain.errors.ravel()))
         found = _fitted(start, measurements, told)
-        at_solution = _told_apart(_slopes(found, measurements), told)
+        at_solution = _independent(_slopes(found, measurements), told)
         if fits >= _FREE_ROUNDS:
             at_solution &= told
         if (at_solution == told).all():

@@ -11,7 +11,7 @@ from steptwin.features.faults.kinds.host import HostCondition
 from steptwin.host.client import Machine
 from steptwin.host.client.drive_status import FAULT_STATES
 from steptwin.host.client.lease import TIMEOUT_MS
-from steptwin.host.client.stopping import await_rest
+from steptwin.host.client.stopping import await_standstill
 from steptwin.host.client.waiting import REST_TIMEOUT_S
 from steptwin.host.client.words import error_text
 from steptwin.host.common.errors import BusError, StepTwinError
@@ -150,7 +150,7 @@ def _restart(board: EmbeddedBoard, host: HostCondition) -> str:
     replace_host(board, host)
     machine = Machine(board, board.robot.axis_names)
     try:
-        await_rest(board, machine.axes)
+        await_standstill(board, machine.axes)
         for axis in machine.axes:
             if axis.state() in FAULT_STATES:
                 axis.write(od.CONSUMER_HEARTBEATS[0], 0)  # messages of the lost host

@@ -5,7 +5,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from steptwin.host.cli.app import command, end_unless
-from steptwin.host.cli.arguments import RobotName, RobotOptions, check_standing, naming_machine_options, run_folder
+from steptwin.host.cli.arguments import (
+    RobotName,
+    RobotOptions,
+    check_start_positions,
+    naming_machine_options,
+    run_folder,
+)
 from steptwin.host.cli.options import Without, argument, naming_options, option, switch
 from steptwin.host.cli.output import number_of, say
 from steptwin.host.twin.machine.machine_options import MachineOptions
@@ -48,7 +54,7 @@ def replay(
     loaded = _robot(which, robot, folder)
     stored = None if folder is None else _stored(folder, loaded)
     stood = MachineAtPowerUp() if stored is None else stored.power_up
-    check_standing(loaded, machine)
+    check_start_positions(loaded, machine)
     options = machine.over(stood.options)
     with naming_machine_options():
         options.bits_per_s(loaded)
@@ -61,7 +67,7 @@ def replay(
     if to is not None:
         with naming_options("out"):
             result.run.save(to)
-    which.tell(result.to_dict(), lambda: say_result(result))
+    which.tell(result.to_dict(), lambda: print_result(result))
     if to is not None:
         which.add_files("the replay's report, edges and bus log are", to)
     end_unless(result.equal)
@@ -92,7 +98,7 @@ def _stored(folder: Path, robot: "Robot") -> "StoredMachine":
     return stored_machine(folder, robot)
 
 
-def say_result(result: "Replayed") -> None:
+def print_result(result: "Replayed") -> None:
     """Print the result of a replay."""
     bus = result.bus
     clock = "on the board's clock" if bus.on_board_clock else "by a computer's clock"

@@ -106,7 +106,7 @@ def words_of(frame: Frame, decoder: Decoder) -> str:
     return " ".join(word for word in (decoded.title, decoded.node, decoded.text) if word and word != "-")
 
 
-class _Said(NamedTuple):
+class _NodeMessage(NamedTuple):
     """A node's message: its instant, the content to compare, and its frame."""
 
     counts: int
@@ -130,7 +130,7 @@ def first_difference_by_wall_clock(
         node_ids: the board's nodes.
         decoder: returns frames as text.
     """
-    old, new = _said(recorded), _said(replayed)
+    old, new = _messages_by_id(recorded), _messages_by_id(replayed)
     settled_counts = recorded[-1][0] - _SETTLING_COUNTS if recorded else 0
     for service, what in SERVICES.items():
         for node_id in sorted(node_ids):
@@ -142,9 +142,9 @@ def first_difference_by_wall_clock(
     return _other_end(recorded, replayed, node_ids, decoder)
 
 
-def _said(frames: Iterable[tuple[int, Frame]]) -> dict[int, list[_Said]]:
+def _messages_by_id(frames: Iterable[tuple[int, Frame]]) -> dict[int, list[_NodeMessage]]:
     """Return each node's messages by identifier."""
-    said: dict[int, list[_Said]] = defaultdict(list)
+    said: dict[int, list[_NodeMessage]] = defaultdict(list)
     for counts, frame in frames:
         key_of = KEYS.get(frame.cob_id & ~NODE_ID_MAX)
         key = key_of(frame.data) if key_of else None
@@ -152,13 +152,13 @@ def _said(frames: Iterable[tuple[int, Frame]]) -> dict[int, list[_Said]]:
             continue
         before = said[frame.cob_id]
         if key_of is state_name:
-            _add_state(before, _Said(counts, key, frame))
+            _add_state(before, _NodeMessage(counts, key, frame))
         else:
-            before.append(_Said(counts, key, frame))
+            before.append(_NodeMessage(counts, key, frame))
     return said
 
 
-def _add_state(states: list[_Said], state: _Said) -> None:
+def _add_state(states: list[_NodeMessage], state: _NodeMessage) -> None:
     """Add a state that a drive has reached; it replaces a state that the drive has only passed.
 
     The status PDO has an inhibit time: milliseconds decide whether it shows a short state.
@@ -171,7 +171,9 @@ def _add_state(states: list[_Said], state: _Said) -> None:
         states.append(state)
 
 
-def _first(old: Sequence[_Said], new: Sequence[_Said], settled_counts: int) -> tuple[_Said | None, _Said | None] | None:
+def _first(
+    old: Sequence[_NodeMessage], new: Sequence[_NodeMessage], settled_counts: int
+) -> tuple[_NodeMessage | None, _NodeMessage | None] | None:
     for was, now in zip_longest(old, new):
         if was is None:
             return (None, now) if now.counts < settled_counts else None

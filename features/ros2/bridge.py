@@ -13,7 +13,7 @@ from typing import Final, Protocol
 import numpy as np
 
 from steptwin.features.ros2.goals import ActiveGoal, FollowGoal, GoalEvent, GoalState, RefusedGoalError, follow_goal
-from steptwin.features.ros2.messages import CancelAsked, FollowCode, GoalSent, RosNames
+from steptwin.features.ros2.messages import CancelRequest, FollowCode, GoalSent, RosNames
 from steptwin.host.client.links import ANSWER_S, address_text
 from steptwin.host.client.links.bus_link import reason
 from steptwin.host.client.reports import Listening, check_enabled, check_faults
@@ -128,17 +128,17 @@ class RosBridge:
         """Process received messages, a limited number, and publish joint positions when due."""
         for text in self._channel.received():
             try:
-                heard = self._names.heard(text)
+                message = self._names.parsed(text)
             except InputError as error:
                 self._say(f"a message of the server was dropped: {error}")
                 continue
-            if isinstance(heard, GoalSent):
-                self._arrive(heard)
-            elif isinstance(heard, CancelAsked):
-                if self._goal is not None and heard.goal_id == self._goal.goal_id:
+            if isinstance(message, GoalSent):
+                self._arrive(message)
+            elif isinstance(message, CancelRequest):
+                if self._goal is not None and message.goal_id == self._goal.goal_id:
                     self._goal.take(GoalEvent.CANCEL)
-            elif heard is not None:
-                self._say(f"the server says: {heard.text}")
+            elif message is not None:
+                self._say(f"the server says: {message.text}")
         self._publish()
 
     def _arrive(self, sent: GoalSent) -> None:

@@ -150,7 +150,7 @@ def follow_goal(robot: Robot, args: object, standing: list[float]) -> FollowGoal
         least = step_tolerances(robot)
         _check_path_tolerances(robot, goal, least)
         end_tolerances = _end_tolerances(robot, goal, least)
-        begun = _begun_where_it_stands(robot, points.in_units(FileUnits.named("rad,m"), robot), standing)
+        begun = _begun_at(robot, points.in_units(FileUnits.named("rad,m"), robot), standing)
         joint_points = begun.joint_points(robot)
         joint_points.check_within(robot)
         motion = FileMotion.of(robot, joint_points, None, 0.0).trajectory
@@ -199,7 +199,7 @@ def _seconds(time: object, place: str) -> float:
     return sec + nanosec / 1e9
 
 
-def _begun_where_it_stands(robot: Robot, points: Points, standing: list[float]) -> Points:
+def _begun_at(robot: Robot, points: Points, standing: list[float]) -> Points:
     """Return the points with the machine's position as the first one."""
     if not len(points.times_s):
         raise RefusedGoalError("points: there are none; to stop a motion, cancel its goal")

@@ -48,19 +48,19 @@ class GoalSent(NamedTuple):
     args: object
 
 
-class CancelAsked(NamedTuple):
+class CancelRequest(NamedTuple):
     """A request of a client to cancel a goal."""
 
     goal_id: str
 
 
-class ServerSays(NamedTuple):
+class ServerStatus(NamedTuple):
     """A status message of the server, for example about an unknown operation."""
 
     text: str
 
 
-Heard = GoalSent | CancelAsked | ServerSays
+ServerMessage = GoalSent | CancelRequest | ServerStatus
 
 
 class RosNames(NamedTuple):
@@ -118,7 +118,7 @@ class RosNames(NamedTuple):
         values = {"error_code": int(code), "error_string": text}
         return _text("action_result", id=goal_id, action=self.action, values=values, status=status, result=True)
 
-    def heard(self, text: str | bytes) -> Heard | None:
+    def parsed(self, text: str | bytes) -> ServerMessage | None:
         """Return the content of a server's message; None if it concerns others.
 
         Raises:
@@ -129,11 +129,11 @@ class RosNames(NamedTuple):
         message = json_table(text)
         op = _word(message, "op")
         if op == "status":
-            return ServerSays(str(message.values.get("msg", "")))
+            return ServerStatus(str(message.values.get("msg", "")))
         if op not in ("send_action_goal", "cancel_action_goal") or message.values.get("action") != self.action:
             return None
         goal_id = _word(message, "id")
-        return GoalSent(goal_id, message.values.get("args")) if op == "send_action_goal" else CancelAsked(goal_id)
+        return GoalSent(goal_id, message.values.get("args")) if op == "send_action_goal" else CancelRequest(goal_id)
 
 
 def _word(message: Table, key: str) -> str:

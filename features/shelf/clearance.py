@@ -101,7 +101,7 @@ def check_travel(robot: Robot, start: Sequence[float], goal: Sequence[float]) ->
     contact = first_contact(robot, start, goal)
     if contact is None:
         return
-    first = ways_around(robot, start, goal)
+    first = clear_orders(robot, start, goal)
     clear = f"moving {first} first, then the others, is clear" if first else "move the arm away from the shelf first"
     x_mm, y_mm, z_mm = contact.at_mm
     part = contact.part_of_way
@@ -169,7 +169,7 @@ class _Arm:
         return np.asarray(first_mm + nearest.along * (second_mm - first_mm))
 
 
-def ways_around(robot: Robot, start: Sequence[float], goal: Sequence[float]) -> str:
+def clear_orders(robot: Robot, start: Sequence[float], goal: Sequence[float]) -> str:
     """Return the joints to move first for a clear move, as in `sx sz first`; empty if neither order is clear."""
     slides = {column for column, _ in make_kinematics(robot).slides}
     if not slides:

@@ -21,7 +21,7 @@ from steptwin.host.operate.inputs_outputs import wired_inputs
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.chain import actual_chain
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.machine.boards import standing_steps
+from steptwin.host.twin.machine.boards import steps_at_joints
 from steptwin.host.twin.machine.input_changes import Wires
 
 EVENTS_MAX: Final = 1000
@@ -141,7 +141,7 @@ class _TipAt:
     """Calculates the position of the tool's tip from the positions of all rotors since power-up."""
 
     def __init__(self, robot: Robot, start_joints: Sequence[float]) -> None:
-        self._start_steps = np.array(standing_steps(robot, start_joints))
+        self._start_steps = np.array(steps_at_joints(robot, start_joints))
         self._microsteps = np.array([joint.transmission.microsteps for joint in robot.axes])
         self._robot = robot
         actual = actual_chain(robot)

@@ -304,7 +304,7 @@ def naming_machine_options(*parameters: str, **options: str) -> AbstractContextM
     return naming_options(*parameters, **spelled, **options)
 
 
-def check_standing(robot: "Robot", machine: MachineOptions) -> None:
+def check_start_positions(robot: "Robot", machine: MachineOptions) -> None:
     """Raise InputError if `stand-at` is given without a position for each joint."""
     if machine.stand_at is not None:
         check_one_each(machine.stand_at, robot.joint_names, "--machine stand-at")
@@ -318,7 +318,7 @@ def machine_for(robot: "Robot", machine: MachineOptions) -> MachineOptions:
     """
     from steptwin.host.twin.machine.drivers import settings_left_out
 
-    check_standing(robot, machine)
+    check_start_positions(robot, machine)
     extras = read_extras(machine.extras, robot)
     if keys := settings_left_out(robot, machine.driver_profile):
         usual = f"has its usual settings, not the robot's {', '.join(keys)}"

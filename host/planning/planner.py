@@ -118,7 +118,7 @@ def step_peaks(robot: Robot, part: Trajectory, from_ms: int, windows: Iterable[S
     `windows` are those of the part. Raises TooFastError if PVT records cannot hold it.
     """
     own_ms = _point_times_ms(part, DEFAULT_POINT_MS, from_ms)
-    looked = _Looked.at(robot, own_ms, windows)
+    looked = _Examined.at(robot, own_ms, windows)
     return (*looked.step_rates(own_ms + from_ms), *looked.peaks, *looked.excess)
 
 
@@ -127,7 +127,7 @@ def _plan(robot: Robot, trajectory: Trajectory, point_ms: int) -> Plan:
     checks.check_joint_names(robot, trajectory)
     times_ms = _point_times_ms(trajectory, point_ms)
     check = checks.SampleCheck(robot, checks.knots_ms(trajectory))
-    looked = _Looked.at(robot, times_ms, check.watched(sampled(trajectory)))
+    looked = _Examined.at(robot, times_ms, check.watched(sampled(trajectory)))
     check.check_positions()
     check.check_rest()
     peaks = (*looked.step_rates(times_ms), *looked.peaks)
@@ -137,7 +137,7 @@ def _plan(robot: Robot, trajectory: Trajectory, point_ms: int) -> Plan:
     return Plan(robot, trajectory, times_ms, points, velocities, peaks)
 
 
-class _Looked(NamedTuple):
+class _Examined(NamedTuple):
     """Results of examining a motion window by window.
 
     Attributes:
@@ -155,7 +155,7 @@ class _Looked(NamedTuple):
     excess: tuple[Peak, ...]
 
     @classmethod
-    def at(cls, robot: Robot, times_ms: Int64Array, windows: Iterable[Samples]) -> "_Looked":
+    def at(cls, robot: Robot, times_ms: Int64Array, windows: Iterable[Samples]) -> "_Examined":
         """Examine a motion with points at these times."""
         points = np.empty((len(times_ms), len(robot.axes)))
         velocities = np.empty_like(points)

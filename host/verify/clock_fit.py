@@ -22,8 +22,8 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.verify import Evidence, Expectation
 from steptwin.host.verify.clock_line import (
     AxisPairs,
+    CapturedSteps,
     ClockLine,
-    SeenSteps,
     fitted,
     paired_until,
     residual_steps,
@@ -80,7 +80,7 @@ class ClockFit:
         return planned_s
 
 
-def fit_clock(ideal: Sequence[IdealSteps], seen: Sequence[SeenSteps]) -> ClockFit:
+def fit_clock(ideal: Sequence[IdealSteps], seen: Sequence[CapturedSteps]) -> ClockFit:
     """Fit a plan's ideal steps to the captured ones, axis by axis; raise InputError if these are too scattered."""
     coarse_s, likeness = coarse_offset(ideal, seen)
     first = [steps.time_s[0] for steps in seen if steps.time_s.size]
@@ -91,7 +91,9 @@ def fit_clock(ideal: Sequence[IdealSteps], seen: Sequence[SeenSteps]) -> ClockFi
     swapped = _swapped(likeness, moving)
     of_plan = {i: i for i in moving} | {i: j for pair in swapped for i, j in (pair, pair[::-1])}
     inverted = tuple(i for i in moving if likeness[i, of_plan[i]] < 0.0)
-    turned = [SeenSteps(steps.time_s, -steps.signs if i in inverted else steps.signs) for i, steps in enumerate(seen)]
+    turned = [
+        CapturedSteps(steps.time_s, -steps.signs if i in inverted else steps.signs) for i, steps in enumerate(seen)
+    ]
     pairs = [(ideal[of_plan[i]], turned[i]) for i in moving]
     found: list[_Found] = []
     for line, until_s in alignments(pairs, coarse_s):
@@ -110,7 +112,7 @@ def begun_by_steps(expected: Expectation, evidence: Evidence) -> Evidence:
     zeros = tuple(round(float(expected.axis_position(axis, np.zeros(1))[0])) for axis in range(len(evidence.axes)))
     ideal = ideal_steps(expected.axis_motion, expected.steps_per_unit, zeros)
     clock = fit_clock(
-        ideal, [SeenSteps(axis.step_counts / COUNTS_PER_SECOND, axis.step_signs) for axis in evidence.axes]
+        ideal, [CapturedSteps(axis.step_counts / COUNTS_PER_SECOND, axis.step_signs) for axis in evidence.axes]
     )
     return replace(evidence, start_counts=max(round(clock.offset_s * COUNTS_PER_SECOND), 0))
 

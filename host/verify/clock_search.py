@@ -12,7 +12,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int8Array
 from steptwin.host.common.errors import InputError
-from steptwin.host.verify.clock_line import AxisPairs, ClockLine, SeenSteps
+from steptwin.host.verify.clock_line import AxisPairs, CapturedSteps, ClockLine
 from steptwin.host.verify.oracle import IdealSteps
 
 BIN_S: Final = 1e-3
@@ -38,7 +38,7 @@ _SAMPLES: Final = 200
 """Number of steps of an axis at which the counts are compared."""
 
 
-def coarse_offset(ideal: Sequence[IdealSteps], seen: Sequence[SeenSteps]) -> tuple[float | None, FloatArray]:
+def coarse_offset(ideal: Sequence[IdealSteps], seen: Sequence[CapturedSteps]) -> tuple[float | None, FloatArray]:
     """Return the offset of best correlation, and the correlation of each captured axis with each planned axis.
 
     The correlation is 1 if all planned steps are found at this offset, and -1 if all are found in the opposite
@@ -80,7 +80,9 @@ def _bin_s(lasts_s: float) -> float:
     return max(BIN_S, _PPM_SEARCHED * lasts_s)
 
 
-def _drawn_together(seen: Sequence[SeenSteps], gap_s: float) -> tuple[list[SeenSteps], Callable[[float], float]]:
+def _drawn_together(
+    seen: Sequence[CapturedSteps], gap_s: float
+) -> tuple[list[CapturedSteps], Callable[[float], float]]:
     """Return the steps with pauses longer than `gap_s` removed, and a function that returns the time removed before.
 
     So the effort depends on the number of steps, not on the last instant.
@@ -90,7 +92,8 @@ def _drawn_together(seen: Sequence[SeenSteps], gap_s: float) -> tuple[list[SeenS
     long = np.flatnonzero(rests_s > gap_s)
     until_s, left_out_s = instants[long + 1], np.concatenate(([0.0], np.cumsum(rests_s[long] - gap_s)))
     near = [
-        SeenSteps(each.time_s - left_out_s[np.searchsorted(until_s, each.time_s, "right")], each.signs) for each in seen
+        CapturedSteps(each.time_s - left_out_s[np.searchsorted(until_s, each.time_s, "right")], each.signs)
+        for each in seen
     ]
     return near, lambda at_s: float(left_out_s[np.searchsorted(until_s - left_out_s[1:], at_s + gap_s / 2.0, "right")])
 
@@ -128,7 +131,7 @@ class _Samples(NamedTuple):
     seen_counts: FloatArray
 
     @classmethod
-    def of(cls, plan: IdealSteps, seen: SeenSteps, until_s: float) -> "_Samples":
+    def of(cls, plan: IdealSteps, seen: CapturedSteps, until_s: float) -> "_Samples":
         """Return samples up to an instant of the plan."""
         size = int(np.searchsorted(plan.time_s, until_s, "right"))
         some = slice(None, size, -(-size // _SAMPLES))

@@ -319,7 +319,7 @@ class OscCapacitor(AxisFault):
             engine.target.operate(OscCapacitor(self.axis, usual.osc_pf))
 
 
-def _tripped_and_told(fault: "ShortCircuit", moment: "Moment") -> bool:
+def _tripped_and_reported(fault: "ShortCircuit", moment: "Moment") -> bool:
     """Return whether a short circuit draws current, and the board learns of it."""
     axis = moment.axes[fault.axis]
     return fault.shorted and axis.energised and axis.fault_input is DigitalInput.DRIVER_FAULT
@@ -341,7 +341,7 @@ class ShortCircuit(AxisFault):
             replace(stops(ErrorCode.OUTPUT_STAGE, motion=Motion.CUT), others=(ErrorCode.CAN_OVERRUN,)),
             "the driver has switched itself off, and what ends that depends on it; the other axes stop by a ramp; where"
             " ENABLE ends it the input falls at once, and reports of both may be one too many for the node's queue",
-            _tripped_and_told,
+            _tripped_and_reported,
         ),
         Documented(
             "motor short-circuited, and nothing tells it",

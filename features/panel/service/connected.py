@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import can
 
 from steptwin.features.panel.service.commands import Work
-from steptwin.features.panel.service.guards import EXPIRED, Press, Stop, StopAskedError, StopRequests
+from steptwin.features.panel.service.guards import EXPIRED, Press, Stop, StopRequestedError, StopRequests
 from steptwin.features.panel.service.messages import operator_message
 from steptwin.features.panel.service.snapshots import Publisher
 from steptwin.features.panel.service.telemetry import set_up_reports
@@ -36,7 +36,7 @@ class StoppableNetwork(BusNetwork):
         self._thread = get_ident()
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """Send a frame; raise StopAskedError in the service's thread if it must stop, BusError if the bus fails."""
+        """Send a frame; raise StopRequestedError in the service's thread if it must stop, BusError if the bus fails."""
         if get_ident() != self._thread:
             super().send_message(can_id, data, remote)
             return
@@ -57,7 +57,7 @@ class ServiceLink(BusLink):
         self.publish: Callable[[], None] = lambda: None
 
     def wait(self, dt_s: float) -> None:
-        """Sleep and publish; raise StopAskedError if the thread must stop, BusError if the bus has failed."""
+        """Sleep and publish; raise StopRequestedError if the thread must stop, BusError if the bus has failed."""
         super().wait(dt_s)
         self.publish()
         self._stops.check()
@@ -151,7 +151,7 @@ class ConnectedMachine:
         """Make a pending stop, then publish the machine; it must be present and this robot's.
 
         Raises:
-            StopAskedError: as `make_stop`.
+            StopRequestedError: as `make_stop`.
             BusError: as `make_stop`; or an axis is missing, or the board has another robot's name, unless forced.
         """
         self.make_stop()
@@ -174,7 +174,7 @@ class ConnectedMachine:
         """Make a requested stop; then execute a command, or jog, or wait.
 
         Raises:
-            StopAskedError: a stop is requested; the next turn makes it.
+            StopRequestedError: a stop is requested; the next turn makes it.
             BusError: the connection is lost.
         """
         self.make_stop()
@@ -196,7 +196,7 @@ class ConnectedMachine:
         except (InputError, DeviceFaultError, BusError) as error:
             failures.append(f"{name}: {operator_message(error)}")
             events.error(failures[0])
-        except StopAskedError as asked:
+        except StopRequestedError as asked:
             events.warning(f"{name}: {asked}")
             raise
         finally:
@@ -241,7 +241,7 @@ class ConnectedMachine:
         """Make the requested stop, if any.
 
         Raises:
-            StopAskedError: a greater stop was requested meanwhile.
+            StopRequestedError: a greater stop was requested meanwhile.
             BusError: a node did not answer an emergency stop; it is still to be made.
         """
         asked = self._service.stops.answer()

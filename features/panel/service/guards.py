@@ -277,7 +277,7 @@ class Stop(IntEnum):
     """Stop, switch the power off and hold the drives until a reset."""
 
 
-class StopAskedError(Exception):
+class StopRequestedError(Exception):
     """A stop was requested: the service's thread must give up its work.
 
     It is not a StepTwinError, so that no handler suppresses it.
@@ -287,7 +287,7 @@ class StopAskedError(Exception):
 class StopRequests:
     """The requested stop; it ends the work of the service's thread at its next frame or wait.
 
-    After StopAskedError the thread may send frames again to stop; only a greater stop raises once more.
+    After StopRequestedError the thread may send frames again to stop; only a greater stop raises once more.
     """
 
     def __init__(self) -> None:
@@ -316,15 +316,15 @@ class StopRequests:
 
     @contextmanager
     def sending(self) -> Iterator[None]:
-        """Allow the service's thread to send a frame; raise StopAskedError for a stop that it does not know of."""
+        """Allow the service's thread to send a frame; raise StopRequestedError for a stop that it does not know of."""
         with self._lock:
             if self._asked > self._answered:
                 self._answered = self._asked
-                raise StopAskedError("stopped" if self._asked is Stop.STOP else "emergency stop")
+                raise StopRequestedError("stopped" if self._asked is Stop.STOP else "emergency stop")
             yield
 
     def check(self) -> None:
-        """Raise StopAskedError as `sending` does."""
+        """Raise StopRequestedError as `sending` does."""
         with self.sending():
             pass
 

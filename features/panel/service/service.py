@@ -18,7 +18,7 @@ from steptwin.features.panel.service.guards import (
     Presses,
     ShownStates,
     Stop,
-    StopAskedError,
+    StopRequestedError,
     StopRequests,
 )
 from steptwin.features.panel.service.history import Drawing, EventLog, History
@@ -381,7 +381,7 @@ class MachineService:
                 self._serve()
             except StepTwinError as error:
                 why = operator_message(error)
-            except StopAskedError:
+            except StopRequestedError:
                 continue  # while connecting: stop first
             except Exception as error:  # an error of this program must not leave users without a service
                 _LOGGER.exception("the machine service has failed")
@@ -411,7 +411,7 @@ class MachineService:
             began_s = time.monotonic()
             try:
                 while not self._closing.is_set():
-                    with suppress(StopAskedError):  # made by the next turn
+                    with suppress(StopRequestedError):  # made by the next turn
                         connected.turn()
                     if time.monotonic() - max(connected.publisher.telemetry.heard_s, began_s) > _LOST_S:
                         raise BusError(f"{title}: the machine has fallen silent")

@@ -93,7 +93,7 @@ class LiveOptions(RobotOptions):
         with BusLink(open_bus(found), found.title) as link:
             yield link
 
-    def tell_states(self, robot: "Robot", states: "list[AxisState]", *, positions: bool = True) -> None:
+    def report_states(self, robot: "Robot", states: "list[AxisState]", *, positions: bool = True) -> None:
         """Print each axis' state, as a document or a table; `positions` is False if they are unknown."""
         unknown = {} if positions else {"position": None, "position_known": False}
         columns = dict(list(_STATES.items())[: None if positions else 2])

@@ -107,7 +107,7 @@ def _stop_axes(live: LiveOptions, name: str | None, stop: "Callable[[Session], l
     with saying_if_unsure(), unasked.session(robot) as session:
         states = stop(session)
         foreign = session.foreign_board()
-        live.tell_states(robot, states, positions=not foreign)
+        live.report_states(robot, states, positions=not foreign)
         if foreign:
             raise InputError(f"{foreign}; {robot.name}'s axes were stopped, but the board may have others that move")
 
@@ -125,7 +125,7 @@ def reset(live: SessionOptions, robot: RobotName = None) -> None:
     loaded = live.robot(robot)
     with live.session(loaded, waking=True) as session:
         states = reset(session, age_s=max(0.0, time.monotonic() - asked_s - _CLOCKS_S))
-    live.tell_states(loaded, states)
+    live.report_states(loaded, states)
 
 
 @command("teaching-scara --connect 127.0.0.1", "teaching-scara gripper on --connect 127.0.0.1")

@@ -155,7 +155,7 @@ class ChosenMotion:
     file: "FileMotion | None"
     doubted: str | None = None
 
-    def say_summary(self, answer: AnswerOptions) -> None:
+    def print_summary(self, answer: AnswerOptions) -> None:
         """Print a summary of a trajectory file, with the motion's deviation from the lines between its points.
 
         Then print doubts about it. For a job or a program, print nothing.

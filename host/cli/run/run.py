@@ -65,7 +65,7 @@ def run(
         run_virtual(live, motion, prepared, virtual)
     else:
         virtual.refuse()
-        motion.say_summary(live)
+        motion.print_summary(live)
         run_live(live, motion)
 
 

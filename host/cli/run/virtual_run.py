@@ -94,7 +94,7 @@ def _executed(
     robot = motion.plan.robot
     folder = None if options.out is None else run_folder(options.out)
     machine = options.machine_for(robot, prepared.extras)
-    motion.say_summary(answer)
+    motion.print_summary(answer)
     compiled = options.kernel == "numba" or options.loads_numba or soonest_is_compiled(motion.plan)
     with (
         telling_of_compiling(say_compiling, wanted=compiled and options.kernel in ("auto", "numba")),
@@ -161,14 +161,14 @@ class FinishedRun:
             telling.print_run(document)
         for each in self.added:
             each.print()
-        say_what_is_faster(document["wall_s"])
+        print_missing_extra(document["wall_s"])
 
 
 _LONG_S: Final = 3.0
 """Duration of a run below which numba would save little."""
 
 
-def say_what_is_faster(wall_s: float) -> None:
+def print_missing_extra(wall_s: float) -> None:
     """Print on stderr, after a long run, the missing extra that would make it faster."""
     if wall_s > _LONG_S and not find_spec("numba"):
         say(f"numba makes long runs about twice as fast ({installing('fast')})", err=True)

@@ -134,7 +134,7 @@ def _passing_value(pace: StepPace, key: _Key, least_stretch: float, checks: tupl
     return key.value(number)
 
 
-class _Look(NamedTuple):
+class _Examination(NamedTuple):
     """Speed of a step's motion; `refused` is the error if PVT records cannot hold it."""
 
     peaks: tuple[Peak, ...]
@@ -177,15 +177,15 @@ class MadeStep:
         return check
 
     @cached_property
-    def _look(self) -> _Look:
+    def _look(self) -> _Examination:
         """Examine the motion once, on first use: a run leaves that to the planner."""
         if self.part is None:
-            return _Look((), None)
+            return _Examination((), None)
         windows = shifted(sampled(self.part), self.from_ms / 1000)
         try:
-            return _Look(step_peaks(self.robot, self.part, self.from_ms, windows), None)
+            return _Examination(step_peaks(self.robot, self.part, self.from_ms, windows), None)
         except TooFastError as error:
-            return _Look((), error)
+            return _Examination((), error)
 
     def check_speed(self) -> None:
         """Raise TooFastError if the step is too fast."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
 from steptwin.host.client import Machine, Progress, StreamedMotion, object_dictionary
-from steptwin.host.client.stopping import await_rest
+from steptwin.host.client.stopping import await_standstill
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, WaitTimeoutError
 from steptwin.host.common.features import giving
 from steptwin.host.operate.inputs_outputs import plan_made, streamed_motion, waits_made
@@ -150,7 +150,7 @@ def _run(
     except DeviceFaultError as error:
         if not board.started:
             raise
-        await_rest(board, machine.axes)
+        await_standstill(board, machine.axes)
         return _fault(error, machine, board, plan)
     return None
 

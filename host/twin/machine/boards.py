@@ -81,7 +81,7 @@ def crystals_document(crystals_ppm: Sequence[int]) -> dict[str, Any]:
     return {"crystal_ppm": list(crystals_ppm)} if any(crystals_ppm) else {}
 
 
-def standing_steps(robot: Robot, joints: Sequence[float]) -> list[int]:
+def steps_at_joints(robot: Robot, joints: Sequence[float]) -> list[int]:
     """Return the step of each motor from the axis' zero, with joints at `joints` in mm and degrees."""
     units = robot.to_units(np.array(joints, dtype=float)).tolist()
     return [_steps(joint.transmission, int(each)) for joint, each in zip(robot.axes, units, strict=True)]
@@ -110,7 +110,7 @@ def board_configs(robot: Robot, options: MachineOptions = AS_FILED) -> list[Boar
             or the options have an impossible joint or crystal.
     """
     axes_per_board = options.boards_of(robot)
-    stands_at = zip(robot.axes, standing_steps(robot, options.joints(robot)), strict=True)
+    stands_at = zip(robot.axes, steps_at_joints(robot, options.joints(robot)), strict=True)
     profile = driver_profile(robot.board, options.driver_profile)
     substeps = profile.chip.substeps
     start_substeps = [steps * substeps // joint.transmission.microsteps for joint, steps in stands_at]

@@ -15,7 +15,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import MachinePart, giving
 from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.machine.boards import board_configs, make_boards, standing_steps
+from steptwin.host.twin.machine.boards import board_configs, make_boards, steps_at_joints
 from steptwin.host.twin.machine.drivers import driver_profile
 from steptwin.host.twin.machine.input_changes import request_of
 from steptwin.host.twin.machine.machine_options import MachineOptions
@@ -83,7 +83,7 @@ class MachineParts:
             robot,
             options,
             drivers,
-            standing_steps(robot, joints),
+            steps_at_joints(robot, joints),
             commissioned,
             make_boards(robot, configs, kernel, commissioned=commissioned, program=options.program()),
             parts,
