@@ -5,6 +5,7 @@ Positions are the drivers' counts on servo ticks. A trigger is data; its watch w
 and looks as seldom as possible.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from enum import StrEnum
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from steptwin.features.faults.engine import Engine
 
 
-class Watch:
+class Watch(ABC):
     """Watches for a trigger."""
 
     @property
@@ -35,9 +36,9 @@ class Watch:
         """Instant of the next look even without events; None if there is none."""
         return None
 
+    @abstractmethod
     def is_due(self, now_counts: int) -> bool:
         """Look; return True if the trigger is due."""
-        raise NotImplementedError
 
     def motion_starts(self, start_counts: int) -> None:
         """Register t = 0 of the motion."""
@@ -50,7 +51,7 @@ class Watch:
         return ""
 
 
-class Trigger:
+class Trigger(ABC):
     """A trigger that begins or ends a fault, as data."""
 
     __slots__ = ()
@@ -62,9 +63,9 @@ class Trigger:
     def check(self, robot: Robot) -> None:
         """Raise InputError if the robot lacks the joint."""
 
+    @abstractmethod
     def watch(self, engine: "Engine") -> Watch:
         """Return a watch for it on the machine of an engine, from now on."""
-        raise NotImplementedError
 
 
 # --- time

@@ -1,8 +1,11 @@
-"""The warehouse robot at its shelf: `drawer-pull` opens a drawer, `store` puts a box into one, `fetch` takes one out.
+"""Jobs at a shelf: `drawer-pull` opens a drawer, `store` puts a box into one, `fetch` takes one out.
 
 The hand locks onto the drawer and pulls it out, the electromagnet releases or takes the box, and the hand pushes the
 drawer shut and unlocks. `drawer-pull` is the experiment of the paper's section 3: the drawer stays out, in the hand.
 The slides move while the arm is drawn back; outputs change while all joints are still.
+
+The classroom robot's job `carry` moves parts between spots. If the shelf of the robot's file has the presets among its
+spots, a part is at the first one, and each repetition brings one to the second.
 
 Source of the procedure: A. Jiang, L. Guo, X. Tan, "Development of Prototype of a New Intelligent Warehouse Robot",
 2019(05), DOI 10.3969/j.issn.1009-9492.2019.05.018. Slots, hand-over, approach and speeds are assumptions.
@@ -11,6 +14,7 @@ Source of the procedure: A. Jiang, L. Guo, X. Tan, "Development of Prototype of 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import Enum
+from math import dist
 from typing import Final
 
 import numpy as np
@@ -19,7 +23,9 @@ from steptwin.features.shelf import shelf_of
 from steptwin.features.shelf.errand import Carry
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.jobs.job import Job, in_reach_at_most, with_elbow
+from steptwin.host.planning.jobs import carry
+from steptwin.host.planning.jobs.carry import CARRY, GOAL, GOAL_RAD, START, START_RAD, CarryOptions
+from steptwin.host.planning.jobs.job import Job, fitted, in_reach_at_most, with_elbow
 from steptwin.host.planning.jobs.options import number, place
 from steptwin.host.planning.jobs.pull_line import COMPARTMENTS, KIND, LOCKED_DEG, REACH_MM, TRAVEL_MM
 from steptwin.host.planning.laws import Trapezoid
@@ -345,3 +351,34 @@ EVERY_SLOT: Final = Job(
     every_slot,
     _carried_everywhere,
 )
+
+
+# --- parts of the classroom robot
+
+
+def _carried(robot: Robot, options: CarryOptions) -> tuple[Carry, ...]:
+    shelf = shelf_of(robot)
+    spots = shelf.spots if shelf else {}
+    presets = options.from_ is None and options.to is None and START in spots and GOAL in spots
+    return (Carry(START, GOAL),) * options.repetitions if presets and options.depth_mm else ()
+
+
+def missed_presets(robot: Robot) -> list[str]:
+    """Return a line for each preset among a robot's spots where `carry` misses the part."""
+    shelf, lines = shelf_of(robot), list[str]()
+    if shelf is None or robot.kinematics != carry.KIND:
+        return lines
+    for name, preset_rad in ((START, START_RAD), (GOAL, GOAL_RAD)):
+        if name in shelf.spots:
+            joints = fitted(robot, np.rad2deg(preset_rad))
+            x_mm, y_mm, _, _ = make_kinematics(robot).forward(joints[np.newaxis])[0].tolist()
+            away_mm = dist((x_mm, y_mm), shelf.spots[name].lid_mm[:2])
+            if away_mm > shelf.capture_mm:
+                lines.append(
+                    f"shelf.spots.{name}: carry brings the gripper to x {x_mm:.1f}, y {y_mm:.1f} mm, {away_mm:.1f} mm"
+                    f" away; it reaches {shelf.capture_mm:g} mm"
+                )
+    return lines
+
+
+CARRY_PARTS: Final = replace(CARRY, intent=_carried)

@@ -3,6 +3,7 @@
 Frames and number of strikes are data: equal faults and seeds give equal strikes.
 """
 
+from abc import abstractmethod
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -198,9 +199,9 @@ class BusFault(Fault):
     skip: Annotated[int, Key(metavar="N", least=0)] = 0
     count: Annotated[int | None, Key(metavar="N", least=0)] = None
 
+    @abstractmethod
     def effect(self) -> StrikeEffect:
         """Return the effect of a strike."""
-        raise NotImplementedError
 
     def apply(self, simulation: "Simulation", _number: int) -> None:
         """Strike from now on, until the bus ends it."""

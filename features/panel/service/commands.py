@@ -1,6 +1,7 @@
 """Requests of an operator: power and faults, outputs and settings, homing, steps, moves, runs, and jogs."""
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -35,7 +36,7 @@ from steptwin.host.robots.robot import Robot
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class Request(ABC):
     """A command or a jog: checked in the thread that requests it, performed in the service's thread.
 
     Positions and distances are in mm and degrees, speeds in percent of the highest ones.
@@ -83,9 +84,9 @@ class Work(NamedTuple):
 class Command(Request):
     """A request that ends by itself."""
 
+    @abstractmethod
     def perform(self, work: Work) -> str:
         """Execute the command; return its result in one line, or an empty text."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True, slots=True)
@@ -343,9 +344,9 @@ class Jog(Request):
 
     jogs = True
 
+    @abstractmethod
     def perform(self, session: Session, released: Callable[[], bool]) -> JogEnd:
         """Jog until the button is released, or until the machine can go no further."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -41,26 +42,26 @@ class ServedPlace(NamedTuple):
     control: str | None
 
 
-class ServedProgram:
+class ServedProgram(ABC):
     """A feature's options of `steptwin serve` and their program: base class of a dataclass."""
 
     __slots__ = ()
 
     @property
+    @abstractmethod
     def wanted(self) -> bool:
         """True if the program is wanted; raises InputError or BusError if it cannot run.
 
         The board then has a control port, and the program prints how to end both.
         """
-        raise NotImplementedError
 
+    @abstractmethod
     def running(self, *, to_stderr: bool) -> AbstractContextManager[Callable[[ServedPlace], None]]:
         """Run the program during the block; yield a function that announces the served board to it.
 
         Args:
             to_stderr: True to let the program print to stderr, because stdout has the document.
         """
-        raise NotImplementedError
 
 
 _EVERYWHERE: Final = ("0.0.0.0", "::")
