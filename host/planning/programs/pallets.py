@@ -1,4 +1,4 @@
-"""Pallets: grids of positions of the tool, in a frame, whose cells a program visits one after the other."""
+"""Pallets: grids of tool positions in a frame; a program visits their cells in order."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -18,24 +18,24 @@ from steptwin.host.robots.poses import DIRECTION, PLACE, Orientation
 from steptwin.host.robots.poses.rotations import of_rotation_vector, product, turned
 
 CELLS_MAX: Final = 5_000
-"""Number of cells of a pallet: as many as a program may have steps."""
+"""Largest number of cells of a pallet, that of a program's steps."""
 PROGRAM_CELLS_MAX: Final = 4 * CELLS_MAX
-"""Cells of all pallets of a program, of which its steps visit at most a quarter."""
+"""Largest number of cells of a program's pallets; its steps visit at most a quarter."""
 
 Cells = Mapping[str, int]
-"""The number of the present cell, from 0 on, of each pallet whose cells are visited."""
+"""Number of the present cell, from 0 on, of each pallet in use."""
 
 _DIRECTIONS: Final = ("along", "across", "up")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WorkFrame:
-    """A frame in the station, in which positions turn and move along.
+    """A frame in the station, in which positions rotate and move along.
 
     Attributes:
         place: shape (3,), its origin in mm.
         rotation: shape (4,), its rotation as a unit quaternion x y z w.
-        phi_deg: its turn about the vertical, where it does nothing but turn so; None if it tilts.
+        phi_deg: its rotation about the vertical; None if it tilts.
     """
 
     place: FloatArray
@@ -44,7 +44,7 @@ class WorkFrame:
 
     @classmethod
     def read(cls, table: Table) -> "WorkFrame":
-        """Return a frame from a table with x, y, z and phi or an orientation, all of which may be left out."""
+        """Return a frame from a table with x, y, z and phi or an orientation, all of them optional."""
         if not table.values:
             return STATION_FRAME
         position = read_position(table)
@@ -60,11 +60,11 @@ class WorkFrame:
         return cls(place, of_rotation_vector(np.array([0.0, 0.0, phi_deg])), phi_deg)
 
     def turned(self, way_mm: FloatArray) -> FloatArray:
-        """Return ways of shape (..., 3) along the frame's axes as ways in the station."""
+        """Convert vectors of shape (..., 3) from the frame's axes to the station's."""
         return turned(way_mm, self.rotation)
 
     def placed(self, position: ToolPosition) -> ToolPosition:
-        """Return a position in the frame as one in the station; raise InputError if it leaves out what that takes."""
+        """Convert a position from the frame to the station; raise InputError if it lacks the necessary coordinates."""
         own = dict(position.coordinates)
         needed = [name for name in PLACE if name not in own and (name != "z" or self.phi_deg is None)]
         if needed:
@@ -93,7 +93,7 @@ class Pallet:
     Attributes:
         cells: position of each cell in the station, in the order of a program's visits.
         labels: number of each cell along, across and up, from 1 on, such as `2,1,1`.
-        frame: frame where it stands; offsets from its cells are along the frame's axes.
+        frame: frame of the pallet; offsets from its cells are along the frame's axes.
     """
 
     cells: tuple[ToolPosition, ...]
@@ -107,7 +107,7 @@ def read_pallet(
     positions: Mapping[str, Position | None],
     cells_before: int = 0,
 ) -> Pallet:
-    """Return a pallet from a table; raise InputError for what is wrong, and for too many cells with those before."""
+    """Return a pallet from a table; raise InputError for errors, and for too many cells with those before."""
     table.check_keys(("frame", "first", *_DIRECTIONS, "fourth", "order", "zigzag"))
     frame = STATION_FRAME
     if "frame" in table:
@@ -150,7 +150,7 @@ def _cell(table: Table, key: str, positions: Mapping[str, Position | None]) -> T
 def _direction(
     table: Table, key: str, first: ToolPosition, positions: Mapping[str, Position | None]
 ) -> tuple[dict[str, float], int]:
-    """Return the way from a cell to the next one in a direction, and the number of cells in it; 1 without it."""
+    """Return the vector between cells in a direction, and the number of cells in it; 1 without the direction."""
     if key not in table:
         return {}, 1
     with table.section(key) as own:
@@ -170,7 +170,7 @@ def _direction(
 
 
 def _way(start: ToolPosition, goal: ToolPosition) -> dict[str, float]:
-    """Return the way between two cells; coordinates that the second one leaves out stay."""
+    """Return the vector between two cells; missing coordinates of the second one stay."""
     if goal.orientation is not None or (strange := set(goal.coordinates) - set(start.coordinates)):
         name = goal.orientation.key if goal.orientation is not None else sorted(strange)[0]
         raise InputError(f"{name}: is not of the first cell, from which the others are shifted")
@@ -184,7 +184,7 @@ def _bend(
     counts: tuple[int, ...],
     positions: Mapping[str, Position | None],
 ) -> dict[str, float]:
-    """Return by how much the fourth corner is off the parallelogram of the other three; cells between take a part."""
+    """Return the fourth corner's distance from the parallelogram of the others; cells between take a share."""
     if "fourth" not in table:
         return {}
     if min(counts[:2]) < 2:
@@ -200,7 +200,7 @@ def _add(coordinates: Mapping[str, float], step: Mapping[str, float], number: fl
 
 
 def _indices(table: Table, counts: tuple[int, ...]) -> Iterator[tuple[int, int, int]]:
-    """Yield the numbers of all cells in their order: the first of `order` runs fastest, back and forth if asked."""
+    """Yield the numbers of all cells in order: the first of `order` runs fastest, back and forth if requested."""
     order = [str(name) for name in table.elements("order")] if "order" in table else list(_DIRECTIONS)
     if sorted(order) != sorted(_DIRECTIONS):
         raise InputError(f"order: is not all of {', '.join(_DIRECTIONS)}, each once")
@@ -215,7 +215,7 @@ def _indices(table: Table, counts: tuple[int, ...]) -> Iterator[tuple[int, int, 
 
 
 def cell_numbers(text: str, pallet: str, count: int) -> range:
-    """Return the numbers, from 0 on, of `3..7` or `5` among a pallet's cells; raise InputError for others."""
+    """Return the numbers, from 0 on, of `3..7` or `5` among a pallet's cells; raise InputError for other texts."""
     ends = [end.strip() for end in text.split("..")]
     with prefixed("cells: "):
         first, last = digits_in(ends[0]), digits_in(ends[-1])

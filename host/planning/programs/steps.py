@@ -1,4 +1,4 @@
-"""The steps of a program: each is data, says itself in words and adds itself to the moves."""
+"""The steps of a program: data with a text form, which add themselves to the moves."""
 
 from collections.abc import Mapping
 from dataclasses import Field, dataclass
@@ -27,15 +27,15 @@ class Step(Protocol):
 
     @property
     def pace(self) -> StepPace | None:
-        """The pace of the robot; None for a step that lets it stand."""
+        """Pace of the robot; None for a step without motion."""
         ...
 
     def __str__(self) -> str:
-        """Return the step in a few words, such as `line to tray`."""
+        """Return the step as a short text, such as `line to tray`."""
         ...
 
     def check(self, names: "Names") -> None:
-        """Raise InputError for the names in the step that are unknown."""
+        """Raise InputError for unknown names in the step."""
         ...
 
     def add_to(self, moves: Moves) -> None:
@@ -43,7 +43,7 @@ class Step(Protocol):
         ...
 
     def end(self, moves: Moves) -> FloatArray | None:
-        """Return the joints after the step, of shape (joints,), as far as they are known without making it.
+        """Return the joints after the step, of shape (joints,), if known without making it.
 
         Raises InputError if the robot cannot be there.
         """
@@ -52,7 +52,7 @@ class Step(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class GoStep:
-    """Move all joints to a position, together; with `branch` the tool's position is reached on that branch."""
+    """Move all joints to a position, together; with `branch`, on that branch."""
 
     to: Target
     pace: JointPace
@@ -72,7 +72,7 @@ class GoStep:
 
 @dataclass(frozen=True, slots=True)
 class LineStep:
-    """Move the tool straight to a position, on the branch on which the arm is."""
+    """Move the tool straight to a position, on the present branch."""
 
     to: Target
     pace: ToolPace
@@ -93,7 +93,7 @@ class LineStep:
 
 @dataclass(frozen=True, slots=True)
 class ArcStep:
-    """Move the tool along the arc from where it is, through a position, to a position."""
+    """Move the tool along the arc from its position through a position to another one."""
 
     via: Target
     to: Target
@@ -148,7 +148,7 @@ class CircleStep:
 
 @dataclass(frozen=True, slots=True)
 class ThroughStep:
-    """Move the tool on a smooth curve from where it is through positions, without stopping."""
+    """Move the tool on a smooth curve from its position through positions, without stopping."""
 
     targets: tuple[Target, ...]
     smoothing: Smoothing
@@ -211,7 +211,7 @@ class ToolBy:
 
 @dataclass(frozen=True, slots=True)
 class OutputStep:
-    """Stand still while a digital output changes."""
+    """Change a digital output at standstill."""
 
     name: str
     on: bool
@@ -233,9 +233,9 @@ class OutputStep:
 
 @dataclass(frozen=True, slots=True)
 class WaitStep:
-    """Stand still until a digital input has a level; a wait beyond the time-out ends the motion.
+    """Wait at standstill until a digital input has a level; a time-out ends the motion.
 
-    Raises InputError for a time-out that a wait may not have.
+    Raises InputError for an invalid time-out.
     """
 
     name: str
@@ -262,7 +262,7 @@ class WaitStep:
 
 @dataclass(frozen=True, slots=True)
 class PauseStep:
-    """Stand still for a time in whole milliseconds; raises InputError for one that is not above 0."""
+    """Pause for a time in whole milliseconds; raises InputError for one that is not above 0."""
 
     duration_s: float
 
