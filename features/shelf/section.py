@@ -12,7 +12,8 @@ from typing import Annotated, Any, Final
 
 from steptwin.host.common.bad_input import prefixed, require_positive, unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_models import FileReading, FileTable, Within, check_limits
+from steptwin.host.common.file_models import FileReading, FileTable
+from steptwin.host.common.file_values import Within, check_limits
 from steptwin.host.common.findings import Findings, check_all, judged
 from steptwin.host.robots.board_settings import Input, Output
 from steptwin.host.robots.box import Box

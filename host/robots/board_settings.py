@@ -9,7 +9,9 @@ from pydantic import AfterValidator
 
 from steptwin.host.common.bad_input import at_most
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_models import Choice, FileReading, FileTable, Positive, Within, check_limits, wrong
+from steptwin.host.common.file_errors import wrong
+from steptwin.host.common.file_models import FileReading, FileTable
+from steptwin.host.common.file_values import Choice, Positive, Within, check_limits
 from steptwin.host.common.findings import UnreadError, check_all, judged
 from steptwin.protocol.cia402 import GENERAL_INPUTS, DigitalOutput
 from steptwin.protocol.drivers import (

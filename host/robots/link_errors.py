@@ -4,7 +4,8 @@ from dataclasses import dataclass, fields
 from typing import Annotated, Final
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_models import FileTable, Within, check_limits
+from steptwin.host.common.file_models import FileTable
+from steptwin.host.common.file_values import Within, check_limits
 
 LENGTH_MAX_MM: Final = 50.0
 """Largest error of a length; one that is larger belongs into the dimensions."""

@@ -6,7 +6,8 @@ from typing import Annotated, Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.common.file_models import FileTable, Within, check_limits
+from steptwin.host.common.file_models import FileTable
+from steptwin.host.common.file_values import Within, check_limits
 
 PLACE_MAX_MM: Final = 100_000.0
 """Farthest place of a base along each axis: 100 m."""
