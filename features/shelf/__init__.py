@@ -38,10 +38,8 @@ def _robot_tables(robot: str) -> str:
     return path.read_text(encoding="utf-8") if path.is_file() else ""
 
 
-def _slots(table: "Table", key: str) -> tuple[str, ...]:
-    from steptwin.features.shelf.section import read_slots
-
-    return read_slots(table.elements(key))
+def _program_keys() -> Mapping[str, Any]:
+    return {"leaves_open": tuple[str, ...]}
 
 
 def _check_slots(robot: "Robot", _: str, slots: Sequence[str]) -> None:
@@ -140,7 +138,7 @@ FEATURE: Final = Feature(
     name=NAME,
     section=_section,
     robot_tables=_robot_tables,
-    program_keys={"leaves_open": _slots},
+    program_keys=_program_keys,
     check_program=_check_slots,
     jobs=_jobs,
     job_extra=_job_extra,

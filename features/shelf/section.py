@@ -7,7 +7,6 @@ box moves only with the hand's magnet or gripper. A robot may have spots alone, 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from reprlib import repr as short
 from typing import Annotated, Any, Final
 
 from steptwin.host.common.bad_input import prefixed, require_positive, unknown
@@ -156,15 +155,6 @@ def _check(key: str, what: str, name: str, known: Mapping[str, object]) -> None:
 
 _DRAWERS: Final = ("lock", "travel_mm", "opening_mm", "arm_radius_mm", "slots")
 """Keys that a shelf with drawers has."""
-
-
-def read_slots(names: Sequence[object]) -> tuple[str, ...]:
-    """Return the slots that a program leaves open; raise InputError, with a message for each, for what is no text."""
-    if strange := [
-        f"leaves_open[{i}]: {short(name)} is not a text" for i, name in enumerate(names) if type(name) is not str
-    ]:
-        raise InputError(*strange)
-    return tuple(map(str, names))
 
 
 def check_slots(robot: Robot, slots: Sequence[str]) -> None:

@@ -25,7 +25,7 @@ from pydantic_core import CoreSchema, core_schema
 from steptwin.host.common.bad_input import nearest, shortened, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_errors import error_place, error_text, wrong
-from steptwin.host.common.file_values import OneOf, Rows, Within
+from steptwin.host.common.file_values import OneOf, Rows, Within, check_limits
 from steptwin.host.common.findings import Findings, UnreadError, judged
 from steptwin.host.common.tables import toml_table
 
@@ -126,6 +126,22 @@ class FileReading:
         """The place of the present value as a header of tables; empty within a list of tables."""
         return "" if self._rows else self.findings.place.removesuffix(".")
 
+    def named(self, key: str, name: object, what: str = "") -> Any:
+        """Return what stands under a name in a table of the file, which has been read before.
+
+        Raises InputError for a name that is not there, UnreadError if what stands there is wrong.
+        """
+        table = self.read.get(key, {})
+        if key in self.file and key not in self.read:
+            raise UnreadError(key)
+        if not isinstance(name, str):
+            raise InputError(f"{short(name)} is not a text")
+        if name not in table:
+            raise InputError(str(unknown(what, name, table)).lstrip())
+        if table[name] is None:
+            raise UnreadError(key)
+        return table[name]
+
     @contextmanager
     def row(self, what: str, number: int) -> Iterator[None]:
         """Put the number of a table in a list in front of the messages from the block, such as `step 2: `."""
@@ -152,12 +168,18 @@ class FileReading:
 class FileTable:
     """Base of the models: frozen dataclasses whose fields are the keys of a table. Other keys are refused.
 
+    A field whose key is a word of Python ends in an underscore, such as `from_`. Keys of keyword-only fields come last.
+
     Attributes:
         may_lack: keys that a file may leave out though their fields have no defaults.
     """
 
     __slots__ = ()
     may_lack: ClassVar[tuple[str, ...]] = ()
+
+    def __post_init__(self) -> None:
+        """Raise InputError unless the values are within their limits, also of a table that no file has."""
+        check_limits(self)
 
     @classmethod
     def made_of(cls, values: dict[str, Any], reading: FileReading) -> Any:
@@ -183,10 +205,12 @@ class FileTable:
     def __get_pydantic_core_schema__(cls, _: object, handler: GetCoreSchemaHandler) -> CoreSchema:
         """Return how pydantic reads the table: each key for itself, so that a wrong one leaves the others."""
         hints = get_type_hints(cls, include_extras=True)
-        keys = {field.name: _is_required(cls, field) for field in fields(cls) if field.init}  # type: ignore[arg-type]
+        keys = {_key_of(field): field for field in _key_fields(cls)}
         read = {
-            key: core_schema.typed_dict_field(_of_key(key, hints[key], handler), required=required)
-            for key, required in keys.items()
+            key: core_schema.typed_dict_field(
+                _of_key(key, hints[field.name], handler), required=_is_required(cls, field)
+            )
+            for key, field in keys.items()
         }
         config = core_schema.CoreConfig(strict=True, allow_inf_nan=False)
         table = core_schema.typed_dict_schema(read, extra_behavior="forbid", config=config)
@@ -197,9 +221,8 @@ class FileTable:
         """Return the table's JSON schema, with the descriptions of the docstring, units and defaults."""
         summary, described = documented(cls)
         made = handler(schema)
-        for field in fields(cls):  # type: ignore[arg-type]
-            if field.name in made["properties"]:
-                each = made["properties"][field.name]
+        for field in _key_fields(cls):
+            if each := made["properties"].get(_key_of(field)):
                 each.pop("title", None)
                 meaning = field.metadata.get("meaning") or described.get(field.name, "")
                 if told := ". ".join(filter(None, (meaning.rstrip("."), _unit_text(field.name)))):
@@ -255,6 +278,14 @@ _UNITS: Final = {
 def _unit_text(key: str) -> str:
     """Return a key's unit in words; nothing without one."""
     return next((f"Unit: {unit}" for end, unit in _UNITS.items() if key.endswith(end)), "")
+
+
+def _key_fields(model: Any) -> list[Field[Any]]:
+    return sorted((field for field in fields(model) if field.init), key=lambda field: field.kw_only is True)
+
+
+def _key_of(field: Field[Any]) -> str:
+    return field.name.removesuffix("_")
 
 
 def _is_required(model: type[FileTable], field: Field[Any]) -> bool:
@@ -340,16 +371,16 @@ def _read_key(key: str, value: object, handler: Any, info: Any) -> object:
     return _UNREAD
 
 
-def _read_rows(rows: Rows, value: object, handler: Any, info: Any) -> object:
+def _read_rows(rows: Rows, value: Any, handler: Any, info: Any) -> object:
     """Return the tables of a list. Wrong ones are parts of their models."""
     reading: FileReading = info.context
     rows.check(value, reading.header)
     made: list[object] = []
-    for number, each in enumerate(value, start=1):
+    for number, table in enumerate(value, start=1):
         row = None
         with reading.row(rows.what, number), reading.findings.collecting():
             try:
-                (row,) = handler([each])
+                (row,) = handler([table])
             except ValidationError as error:
                 reading.findings.add(*(error_text(each) for each in error.errors(include_url=False)))
         made.append(rows.read(row))
@@ -379,10 +410,12 @@ def _read_named(keeps_names: bool, value: object, handler: Any, info: Any) -> ob
     return named if named or not value else _UNREAD
 
 
-def _read_table(model: type[FileTable], keys: Mapping[str, bool], value: object, handler: Any, info: Any) -> object:
+def _read_table(
+    model: type[FileTable], keys: Mapping[str, Field[Any]], value: object, handler: Any, info: Any
+) -> object:
     """Return what the model makes of a table, or of a part of it if something is wrong.
 
-    `keys` says of each key whether it is required. Unknown keys are told first. The key that one of them should
+    Unknown keys are told first. The key that one of them should
     probably be is not called missing.
     """
     if isinstance(value, model):
@@ -395,10 +428,12 @@ def _read_table(model: type[FileTable], keys: Mapping[str, bool], value: object,
         strange = [key for key in value if key not in keys]
         reading.findings.add(*(model.strange(key, value[key], keys) for key in strange))
         meant = {name for key in strange for name in nearest(key, keys)}
-        missing = [key for key, required in keys.items() if key not in value and (required or key in meant)]
-        unread = {key: _UNREAD if key in meant else _Unread(model.missing(key, reading)) for key in missing}
-        values = handler({key: value[key] for key in keys if key in value} | unread)
-        return model.made_of({key: values.get(key) for key in keys if values.get(key) is not _UNREAD}, reading)
+        required = [key for key, field in keys.items() if key in meant or _is_required(model, field)]
+        missing = {key: "" if key in meant else model.missing(key, reading) for key in required if key not in value}
+        given = {key: value[key] for key in keys if key in value}
+        values = handler(given | {key: _Unread(message) for key, message in missing.items()})
+        read = {field.name: values.get(key) for key, field in keys.items()}
+        return model.made_of({name: each for name, each in read.items() if not isinstance(each, _Unread)}, reading)
     finally:
         reading.table = outer
 

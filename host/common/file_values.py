@@ -69,7 +69,7 @@ class Within(ValueLimit):
         if self.least < value <= self.most or (value == self.least and not self.open):
             return ""
         if self.open:
-            most = "" if self.most == LARGEST else f" and up to {self.most:g}"
+            most = "" if self.most == LARGEST else f" and up to {self.most:g}{unit}"
             return f"{value:g}{unit} is not above {self.least:g}{most}"
         if self.most == LARGEST:
             return f"{value:g}{unit} is {f'below {self.least:g}{unit}' if self.least else 'negative'}"
@@ -272,7 +272,16 @@ class ReadBy:
 
     def __get_pydantic_core_schema__(self, _: object, handler: GetCoreSchemaHandler) -> CoreSchema:
         del handler
-        return core_schema.with_info_plain_validator_function(lambda value, info: self.read(value, info.context))
+
+        def read(value: object, info: Any) -> object:
+            try:
+                return self.read(value, info.context)
+            except InputError as error:
+                if len(error.messages) > 1:
+                    raise
+                raise wrong(error.messages[0]) from error  # which has its place in a list
+
+        return core_schema.with_info_plain_validator_function(read)
 
     def __get_pydantic_json_schema__(self, _: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         del handler

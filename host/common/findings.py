@@ -95,8 +95,8 @@ def judged(make: type[Made], values: Mapping[str, object], findings: Findings) -
 
 def part_of(make: type[Made], values: Mapping[str, object]) -> Made:
     """Return settings with these fields only; any other raises UnreadError. Nothing is checked."""
-    whole: type[Any] = make
-    part: Made = object.__new__(_part_class(whole))
+    model: Any = make
+    part: Made = object.__new__(_part_class(model))
     for name, value in values.items():
         object.__setattr__(part, name, value)
     return part
@@ -112,7 +112,7 @@ class Part:
 
 
 @cache
-def _part_class(make: type[Any]) -> type[Any]:
+def _part_class(make: Any) -> type[Any]:
     return type(make.__name__, (make, Part), {"__slots__": ()})
 
 

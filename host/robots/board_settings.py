@@ -328,9 +328,6 @@ class Output(FileTable):
     joint: str
     out: Annotated[int, Within(1, OUTPUTS_PER_AXIS)]
 
-    def __post_init__(self) -> None:
-        check_limits(self)
-
 
 INPUTS_PER_AXIS: Final = len(GENERAL_INPUTS)
 
@@ -346,6 +343,3 @@ class Input(FileTable):
 
     joint: str
     input: Annotated[int, Within(1, INPUTS_PER_AXIS)]
-
-    def __post_init__(self) -> None:
-        check_limits(self)

@@ -78,8 +78,10 @@ class MotionOptions:
         from steptwin.host.planning.drives import AskedLimits, known_drives
 
         percent = finite_number(text, f"option {_LEFT}")
+        with prefixed("option "):
+            limits = AskedLimits("motors", percent)
         with prefixed(f"option {_LEFT}: "):
-            return AskedLimits(percent).drives(robot, known_drives())
+            return limits.drives(robot, known_drives())
 
     def factor(self) -> float | None:
         """Return how many times slower the motion is to be; None for no slower, and for `--stretch auto`."""
