@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Annotated, TYPE_CHECKING, Any, Final
 
 from steptwin.host.common.features import Feature, FeatureJudge
 
@@ -39,7 +39,9 @@ def _robot_tables(robot: str) -> str:
 
 
 def _program_keys() -> Mapping[str, Any]:
-    return {"leaves_open": tuple[str, ...]}
+    from pydantic import Field
+
+    return {"leaves_open": Annotated[tuple[str, ...], Field(description="slots whose drawers stay open at the end")]}
 
 
 def _check_slots(robot: "Robot", _: str, slots: Sequence[str]) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Final
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_models import FileReading, FileTable
+from steptwin.host.common.file_models import FileReading, FileTable, documented
 from steptwin.host.common.file_values import NotNegative, Positive, ReadBy, Within, check_limits
 from steptwin.host.common.findings import judged
 from steptwin.host.common.tables import Table
@@ -78,7 +78,8 @@ class OnTheWay:
     @staticmethod
     def schema() -> dict[str, Any]:
         """Return the JSON schema of such a table."""
-        numbers = {key: {"type": "number"} for key in ("at_mm", "ahead_s")}
+        _, described = documented(OnTheWay)
+        numbers = {key: {"type": "number", "description": described[key]} for key in ("at_mm", "ahead_s")}
         own = {"type": "object", "properties": numbers, "required": ["at_mm"]}
         return {**own, "additionalProperties": {"type": "boolean"}}
 

@@ -94,7 +94,8 @@ class WorkFrame:
 
 STATION_FRAME: Final = WorkFrame(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]), 0.0)
 
-AnyFrame = Annotated[WorkFrame, ReadBy(lambda name, reading: reading.named("frames", name), lambda: {"type": "string"})]
+_NAME_SCHEMA: Final = {"type": "string", "description": "name of a frame"}
+AnyFrame = Annotated[WorkFrame, ReadBy(lambda name, reading: reading.named("frames", name), lambda: _NAME_SCHEMA)]
 """A frame of which a file has the name."""
 
 
@@ -111,7 +112,7 @@ def _read_placed(value: object, reading: FileReading) -> Position:
     return frame.placed(position)
 
 
-PlacedPosition = Annotated[Position, ReadBy(_read_placed, lambda: position_schema(frame={"type": "string"}))]
+PlacedPosition = Annotated[Position, ReadBy(_read_placed, lambda: position_schema(frame=_NAME_SCHEMA))]
 """A position in the station, which a file may have in a frame."""
 
 

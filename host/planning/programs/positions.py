@@ -100,8 +100,9 @@ def _target_schema() -> dict[str, Any]:
 
 def position_schema(**others: Any) -> dict[str, Any]:
     """Return the JSON schema of a position, with other keys beside those of joints and the tool."""
-    turn = {"type": "array", "items": {"type": "number"}}
-    keys = {"branch": {"type": "string"}, **dict.fromkeys(ORIENTATIONS, turn), **others}
+    turn = {"type": "array", "items": {"type": "number"}, "description": "orientation of a tool that turns in space"}
+    branch = {"type": "string", "description": "branch of the inverse kinematics"}
+    keys = {"branch": branch, **dict.fromkeys(ORIENTATIONS, turn), **others}
     return {"type": "object", "properties": keys, "additionalProperties": {"type": "number"}}
 
 
