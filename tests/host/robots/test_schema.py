@@ -30,8 +30,7 @@ TYPES: Final[Mapping[str, Any]] = {
 def misfits(value: Any, schema: Mapping[str, Any], place: str = "", defs: Mapping[str, Any] | None = None) -> list[str]:
     """Return the places where a value does not fit the words of JSON schema that ours use."""
     defs = defs or schema.get("$defs", {})
-    if "$ref" in schema:
-        return misfits(value, defs[schema["$ref"].removeprefix("#/$defs/")], place, defs)
+    schema = defs[schema["$ref"].removeprefix("#/$defs/")] if "$ref" in schema else schema
     if one := schema.get("oneOf") or schema.get("anyOf"):
         return min((misfits(value, each, place, defs) for each in one), key=len)
     if "const" in schema or not schema.keys() & {"type", "enum"}:
