@@ -38,8 +38,8 @@ def conform(
 
     The checks are grouped as CiA's conformance test groups them (docs/conform.md). Nothing moves without --motion. A
     check passes, fails, or differs: the node does what the standard allows, but others do not. A check that the node
-    or the options do not allow is skipped, and says why. What a check changes is written back. The node is reset, so its
-    drive must be off, and no other master may talk to it.
+    or the options do not allow is skipped, and says why. What a check changes is written back. The node is reset, so
+    its drive must be off, and no other master may talk to it.
     """
     from steptwin.features.conform.conformance import conformance, ordered
     from steptwin.features.conform.node import Description, NodeUnderTest

@@ -7,8 +7,7 @@ from typing import Final, NamedTuple
 
 from steptwin.features.conform.check import FailedError, SkippedError, expect
 from steptwin.features.nodes.eds_file import EdsSection, read_sections
-from steptwin.features.nodes.eds_nodes import EDS_BYTES_MAX
-from steptwin.features.nodes.eds_objects import entries_of
+from steptwin.features.nodes.eds_nodes import EDS_BYTES_MAX, entries_of
 from steptwin.features.nodes.node_objects import NodeEntry
 from steptwin.host.client.links import Link
 from steptwin.host.common.errors import InputError
