@@ -1,7 +1,7 @@
 """Delete a feature, with its registration and its tests, in a copy of the checkout, and run the tests that are left.
 
-`python -m tests.without NAME [PYTEST'S ARGUMENTS]`; features that need it go with it. Pages tell of all features, so their
-tests are left out, and with a feature the tests in `USES` that use it beside its own.
+`python -m tests.without NAME [PYTEST'S ARGUMENTS]`; features that need it go with it. Pages tell of all features, so
+their tests are left out, and with a feature the tests in `USES` that use it beside its own.
 """
 
 import os
