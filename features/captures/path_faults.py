@@ -1,0 +1,394 @@
+"""Find where counts of steps leave a path, and what explains it: pulses lost or extra, a part left out."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from steptwin.features.captures.path_walk import Events, Reach, agreeing, counts_after, reach, reach_back
+from steptwin.features.captures.step_rules import StepRule
+from steptwin.host.common.arrays import BoolArray, FloatArray, Int64Array
+
+FAULTS_MAX: Final = 8
+_LIVES_EVENTS: Final = 200
+"""Events that an explanation has to hold on: lines of a single axis let anything live for a while."""
+_SEEN_EVENTS: Final = 4000
+"""Events after a fault within which explanations are compared."""
+_LAYERS: Final = (1, 3, 10)
+"""Pulses in a row that may be lost or extra, tried one after another."""
+_TURN_STEPS: Final = 4.0
+"""Shortest way between two turning points."""
+_LEAPS_MAX: Final = 10
+_ROUNDING: Final = 1e-6
+"""Rounding error of a place."""
+
+
+class FaultKind(StrEnum):
+    """What is wrong."""
+
+    LOST = "lost"
+    EXTRA = "extra"
+    LOST_OR_EXTRA = "lost or extra"
+    LEFT_OUT = "left out"
+    DETOUR = "detour"
+    LEAVES = "leaves the path"
+    UNFINISHED = "unfinished"
+    TURN = "turns elsewhere"
+    END = "ends elsewhere"
+    NOTHING = "nothing recorded"
+    DEAD = "dead axis"
+    SWAPPED = "swapped"
+    INVERTED = "inverted"
+    SCALED = "scaled"
+    BOTH_EDGES = "both edges"
+    MORE = "more faults"
+
+
+WHOLE: Final = frozenset(list(FaultKind)[list(FaultKind).index(FaultKind.NOTHING) :])
+"""Faults of whole axes, and further ones: they have no place."""
+
+
+class Fault(NamedTuple):
+    """A fault.
+
+    Attributes:
+        kind: what is wrong.
+        axis: number of the axis; -1: all axes, or no one alone.
+        steps: by how much its count is off from there on; 0 if that says nothing.
+        events: numbers of events before the fault: at least, and at most.
+        places: on the path, as numbers of its vertices: at least, and at most.
+        pulse_s: instant of the very pulse, as its neighbours tell it; None: they do not.
+        other: number of the other axis of two that are swapped.
+        scale: ratio of the counts of a scaled axis.
+        sign: direction of the axis' motion there, +1 or -1; 0: both.
+    """
+
+    kind: FaultKind
+    axis: int = -1
+    steps: int = 0
+    events: tuple[int, int] = (0, 0)
+    places: tuple[float, float] = (0.0, 0.0)
+    pulse_s: float | None = None
+    other: int = -1
+    scale: float = 1.0
+    sign: int = 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Walk:
+    """A path and the events of a capture that should follow it, by a rule.
+
+    Attributes:
+        points: shape (axes, vertices), the path in steps.
+        events: steps of the capture.
+        rule: the step rule.
+        half_steps: largest distance of a count from the path's middle.
+    """
+
+    points: FloatArray
+    events: Events
+    rule: StepRule
+    half_steps: float
+
+    @property
+    def end(self) -> float:
+        """The last place of the path."""
+        return self.points.shape[1] - 1.0
+
+    @property
+    def middle(self) -> FloatArray:
+        """The path on which counts lie by the rule, on average."""
+        return self.points + self.rule.middle_steps
+
+    def count(self, event: int) -> FloatArray:
+        """Return the counts after an event."""
+        return counts_after(self.events.changes, event, self.rule.start(self.points[:, 0]))
+
+    def right_at_the_end(self, off: FloatArray) -> BoolArray:
+        """Return which axes' last counts are right, if they are corrected."""
+        return self.rule.rests(self.count(len(self.events.changes)) + off, self.points[:, -1])
+
+    def reach(self, event: int, off: FloatArray, begin: tuple[float, float], until: int | None = None) -> Reach:
+        """Return where the machine may be after an event and those behind it."""
+        changes = self.events.changes[event:until]
+        return reach(self.middle, self.half_steps, changes, self.count(event) + off, begin)
+
+    def is_whole(self, reached: Reach) -> bool:
+        """Return whether all events were walked, and the path to its end."""
+        last = len(reached.lows) - 1
+        return reached.events() == last and reached.at(last)[1] >= self.end - _ROUNDING
+
+    def passes(self) -> bool:
+        """Return whether the events walk the path by the rule."""
+        off = np.zeros(len(self.points))
+        return bool(self.right_at_the_end(off).all()) and self.is_whole(self.reach(0, off, (0.0, 0.0))) and not any(self.wrong_turns())
+
+    def wrong_turns(self) -> Iterator[Fault]:
+        """Yield each turning point of an axis at which its count is not that of the path."""
+        counts = self.rule.start(self.points[:, 0])
+        for axis, points in enumerate(self.points):
+            own = np.flatnonzero(self.events.changes[:, axis])
+            made = counts[axis] + np.concatenate(([0], np.cumsum(self.events.changes[own, axis], dtype=np.int64)))
+            planned, turned = _turning(points), _turning(made)
+            if planned.size != turned.size:
+                continue  # of turns about as short as the shortest the path tells
+            right = self.rule.turns(made[turned], points[planned])
+            for i in np.flatnonzero(~right).tolist():
+                off = round(float(made[turned[i]] - points[planned[i]]))
+                event = int(own[turned[i] - 1]) + 1
+                place = float(planned[i])
+                yield Fault(FaultKind.TURN, axis, off, (event, event), (place, place))
+
+
+def faults(walk: Walk) -> list[Fault]:
+    """Return what explains that the events do not walk the path, in order; empty if they do."""
+    found: list[Fault] = []
+    off, event, begin = np.zeros(len(walk.points)), 0, (0.0, 0.0)
+    while True:
+        reached = walk.reach(event, off, begin)
+        whole = walk.is_whole(reached)
+        if whole and walk.right_at_the_end(off).all():
+            return found or list(walk.wrong_turns())[:FAULTS_MAX]
+        if len(found) == FAULTS_MAX:
+            return [*found, Fault(FaultKind.MORE)]
+        stop = reached.events()
+        if jump := _jump(walk, event, off, begin, stop, whole=whole):
+            fault, begin = jump
+            found.append(fault)
+            off[fault.axis] -= fault.steps
+            event = fault.events[1] + 1
+            continue
+        at = max(event + stop, 0)
+        place = reached.at(max(stop, 0))[1]
+        if whole or at == len(walk.events.changes):
+            return [*found, *_at_the_end(walk, off, place, whole=whole)]
+        leap = _leap(walk, at, off, place)
+        if leap is None:
+            return [*found, Fault(FaultKind.LEAVES, events=(at, at), places=(place, walk.end))]
+        event, begin = leap
+        kind = FaultKind.LEFT_OUT if begin[0] > place else FaultKind.DETOUR
+        found.append(Fault(kind, events=(at, event), places=(place, max(begin[0], place))))
+
+
+def _at_the_end(walk: Walk, off: FloatArray, place: float, *, whole: bool) -> Iterator[Fault]:
+    """Yield what is wrong where nothing explains wrong counts at the end, or that the path's end is not reached."""
+    last = len(walk.events.changes)
+    if not whole:
+        yield Fault(FaultKind.UNFINISHED, events=(last, last), places=(place, walk.end))
+        return
+    counts, positions = walk.count(last) + off, walk.points[:, -1]
+    for axis in np.flatnonzero(~walk.rule.rests(counts, positions)).tolist():
+        steps = round(float(counts[axis] - positions[axis]))
+        yield Fault(FaultKind.END, axis, steps, (last, last), (walk.end, walk.end))
+
+
+class _Trial(NamedTuple):
+    """Pulses of one axis, lost or extra, as an explanation, and how far it goes.
+
+    `ends` is 1 if the path's end is reached with the axis' right count there, 2 if all counts are right.
+    """
+
+    axis: int
+    sign: int
+    count: int
+    reached: Reach
+    event: int
+    ends: int
+
+
+def _jump(
+    walk: Walk, event: int, off: FloatArray, begin: tuple[float, float], stop: int, *, whole: bool
+) -> tuple[Fault, tuple[float, float]] | None:
+    """Return the pulses, lost or extra, that explain most, and the places behind them; None if none explain enough."""
+    left = len(walk.events.changes) - event
+    until = left if whole else min(left, stop + _SEEN_EVENTS)
+    changes = walk.events.changes[event : event + until]
+    short = np.rint(walk.points[:, -1] - walk.count(event + left) - off)
+    for layers in _LAYERS:
+        trials = []
+        for axis, sign in ((axis, sign) for axis in range(len(off)) for sign in (1, -1)):
+            if whole and short[axis] * sign <= 0.0:
+                continue  # the counts at the end say which axis is short
+            reached = reach(
+                walk.middle, walk.half_steps, changes, walk.count(event) + off, begin, axis, sign, layers
+            )
+            for count in range(1, layers + 1):
+                alive = reached.events(count)
+                corrected = off.copy()
+                corrected[axis] += sign * count
+                at_end = alive == left and reached.at(alive, count)[1] >= walk.end - _ROUNDING
+                right = walk.right_at_the_end(corrected)
+                ends = int(right[axis]) + int(right.all()) if at_end else 0
+                trials.append(_Trial(axis, sign, count, reached, alive, ends))
+        enough = [each for each in trials if each.ends or each.event >= stop + _LIVES_EVENTS]
+        if enough:
+            best = max(enough, key=lambda each: (each.ends, each.event, -each.count))
+            return _located(walk, event, off, best)
+    return None
+
+
+def _located(walk: Walk, event: int, off: FloatArray, trial: _Trial) -> tuple[Fault, tuple[float, float]]:
+    """Return the fault between the first and the last event that it may come behind, and the places behind it."""
+    axis, sign, count, reached, alive, ends = trial
+    corrected = walk.count(event + alive) + off
+    corrected[axis] += sign * count
+    goal = (walk.end, walk.end) if ends else reached.at(alive, count)
+    changes = walk.events.changes[event : event + alive]
+    layers = reached.lows.shape[1] - 1
+    back = reach_back(walk.middle, walk.half_steps, changes, corrected, goal, axis=axis, sign=sign, layers=count)
+    first = _meeting(reached, 0, back, 1)
+    last = _meeting(reached, count - 1, back, count)
+    assert first.size and last.size and layers >= count
+    a, b = int(first[0]), max(int(last[-1]), int(first[0]))
+    low = max(reached.at(a)[0], float(back.lows[a : a + 2, 1].min()))
+    behind = min(b + 1, alive)
+    high = reached.at(b, count - 1)[1]
+    steps, pulses = -sign * count, walk.events.changes[event + max(a - 3, 0) : event + b + 4, axis]
+    up, down = int((pulses > 0).sum()), int((pulses < 0).sum())
+    both = min(up, down) > 0.02 * max(up, down)
+    ways = [sign, -sign] if both else [1 if up >= down else -1]
+    seen = {way: at_s for way in ways if (at_s := _pulse(walk.events, axis, (event + a, event + b), trial, way))}
+    if len(seen) == 1 or not both:
+        way = next(iter(seen), ways[0])
+        kind = FaultKind.LOST if way == sign else FaultKind.EXTRA
+    else:
+        way, kind = 0, FaultKind.LOST_OR_EXTRA
+    fault = Fault(
+        kind, axis, steps, (event + a, event + behind - 1), (low, max(low, high)), seen.get(way), sign=way
+    )
+    return fault, reached.at(behind, count)
+
+
+def _meeting(forward: Reach, layer: int, back: Reach, next_layer: int) -> Int64Array:
+    """Return the events behind which a pulse may be lost, or the next of which may be an extra one."""
+
+    def overlap(later: int) -> FloatArray:
+        ahead, behind = slice(0, len(back.lows) - later), slice(later, None)
+        low = np.maximum(forward.lows[: len(back.lows)][ahead, layer], back.lows[behind, next_layer])
+        high = np.minimum(forward.highs[: len(back.lows)][ahead, layer], back.highs[behind, next_layer])
+        there = forward.highs[: len(back.lows)][ahead, layer] >= forward.lows[: len(back.lows)][ahead, layer]
+        return np.flatnonzero(there & (back.highs[behind, next_layer] >= back.lows[behind, next_layer]) & (low <= high + _ROUNDING))
+
+    return np.union1d(overlap(0), overlap(1))
+
+
+def _pulse(events: Events, axis: int, window: tuple[int, int], trial: _Trial, way: int) -> float | None:
+    """Return when the pulse is missing or too many, if one interval between pulses of the axis says so.
+
+    Around lost ones it is longer than its neighbours by so many intervals; around an extra one there are two for one.
+    """
+    begin = max(window[0] - 6, 0)
+    near = begin + np.flatnonzero(events.changes[begin : window[1] + 8, axis])
+    if near.size < 6:
+        return None
+    gap = np.diff(events.time_s[near])
+    same = events.changes[near[1:], axis] == events.changes[near[:-1], axis]
+    inside = (near[1:] > window[0]) & (near[1:] <= window[1] + 2) & (events.changes[near[1:], axis] == way) & same
+    before, middle, after = gap[:-2], gap[1:-1], gap[2:]
+    if way == trial.sign:
+        times = trial.count + 1
+        longest, shortest = np.maximum(before, after), np.minimum(before, after)
+        alike = inside[1:-1] & same[:-2] & same[2:]
+        found = np.flatnonzero(alike & (middle > 0.7 * times * longest) & (middle < 1.45 * times * shortest))
+        if not 0 < found.size <= 3:
+            return None
+        best = found[np.argmax((middle / longest)[found])]
+        return float(events.time_s[near[best + 1]] + middle[best] / times)
+    if gap.size < 4 or trial.count > 1:
+        return None
+    two, one, other = gap[1:-2] + gap[2:-1], gap[:-3], gap[3:]
+    alike = inside[1:-2] & same[:-3] & same[2:-1] & same[3:]
+    shortest, longest = np.minimum(one, other), np.maximum(one, other)
+    found = np.flatnonzero(alike & (two > 0.77 * shortest) & (two < 1.3 * longest) & (longest < 1.3 * shortest))
+    return float(events.time_s[near[found[0] + 2]]) if 0 < found.size <= 3 else None
+
+
+def _leap(walk: Walk, at: int, off: FloatArray, place: float) -> tuple[int, tuple[float, float]] | None:
+    """Return an event and the places, further on, from which the path is walked again; None if it never is."""
+    event, step, last = at + 1, 1, len(walk.events.changes)
+    while event <= last:
+        for begin in agreeing(walk.middle, walk.half_steps, walk.count(event) + off, place)[:_LEAPS_MAX]:
+            reached = walk.reach(event, off, begin, event + _LIVES_EVENTS)
+            lives = reached.events()
+            if lives == _LIVES_EVENTS or (event + lives == last and reached.at(lives)[1] >= walk.end - _ROUNDING):
+                return event, begin
+        event, step = event + step, int(step * 1.3) + 1
+    return None
+
+
+def gross_faults(walk: Walk) -> list[Fault]:
+    """Return what is wrong with whole axes, by their totals: dead, swapped, turned the other way, of another scale."""
+    if not walk.events.changes.any():
+        return [Fault(FaultKind.NOTHING)]
+    planned, made, alike = _totals(walk)
+    axes = range(len(planned))
+
+    def agree(one: float, other: float) -> bool:
+        return abs(one - other) <= max(6.0, 0.004 * max(one, other))
+
+    found = [Fault(FaultKind.DEAD, axis) for axis in axes if planned[axis] > 3.0 and made[axis] == 0.0]
+    for i in axes:
+        for j in axes[i + 1 :]:
+            totals = agree(planned[i], made[j]) and agree(planned[j], made[i])
+            if totals and min(alike[i, j], alike[j, i]) > _ALIKE > min(alike[i, i], alike[j, j]):
+                found.append(Fault(FaultKind.SWAPPED, i, other=j))
+    for axis in axes:
+        if alike[axis, axis] < -_ALIKE and agree(planned[axis], made[axis]):
+            found.append(Fault(FaultKind.INVERTED, axis))
+        elif planned[axis] > 100.0 and made[axis] > 0.0 and alike[axis, axis] > _ALIKE:
+            scale = float(made[axis] / planned[axis])
+            if abs(scale - 1.0) > 0.02:
+                found.append(Fault(FaultKind.SCALED, axis, scale=scale))
+    return found
+
+
+_ALIKE: Final = 0.98
+"""Correlation of two courses that are taken for the same."""
+_COURSE: Final = 400
+
+
+def _totals(walk: Walk) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the steps that each axis goes, planned and made, and the correlation of each planned course with each made.
+
+    Places are paired by their share of the way of all axes, without any time.
+    """
+    ways = np.abs(np.diff(walk.points, axis=1))
+    changes = walk.events.changes
+    shares = np.linspace(0.0, 1.0, _COURSE)
+    far = np.concatenate(([0.0], np.cumsum(ways.sum(axis=0))))
+    pulses = np.concatenate(([0], np.cumsum(np.abs(changes).sum(axis=1, dtype=np.int64))))
+    at = np.searchsorted(pulses, shares * pulses[-1])
+    alike = np.zeros((len(ways), len(ways)))
+    made = [np.concatenate(([0], np.cumsum(changes[:, axis], dtype=np.int64)))[at] for axis in range(len(ways))]
+    for i, points in enumerate(walk.points):
+        planned = np.interp(shares * far[-1], far, points)
+        for j, course in enumerate(made):
+            if np.ptp(planned) > 2.0 and np.ptp(course) > 2.0:
+                alike[i, j] = np.corrcoef(planned, course)[0, 1]
+    return ways.sum(axis=1), np.abs(changes).sum(axis=0, dtype=np.int64).astype(np.float64), alike
+
+
+def _turning(values: FloatArray) -> Int64Array:
+    """Return where values turn around, with at least `_TURN_STEPS` between two turning points."""
+    moves = np.diff(values)
+    moving = np.flatnonzero(moves)
+    turns = moving[np.flatnonzero(np.diff(np.sign(moves[moving])))] + 1
+    found: list[int] = []
+    top = bottom = 0
+    way = 0
+    for i in [*turns.tolist(), len(values) - 1]:
+        top = i if values[i] > values[top] else top
+        bottom = i if values[i] < values[bottom] else bottom
+        if way >= 0 and values[top] - values[i] >= _TURN_STEPS:
+            if way > 0 or top > 0:
+                found.append(top)
+            way, bottom = -1, i
+            top = i
+        elif way <= 0 and values[i] - values[bottom] >= _TURN_STEPS:
+            if way < 0 or bottom > 0:
+                found.append(bottom)
+            way, top = 1, i
+            bottom = i
+    return np.array(found, np.int64)
