@@ -37,7 +37,7 @@ class MotorPath:
 
     @property
     def curve_steps_per_mm(self) -> float:
-        """Steps of a mm of the path if it is curved anywhere, for the axis with most; 0 if it has straight lines only."""
+        """Most steps of an axis for a mm of the path if it is curved anywhere; 0 for straight lines only."""
         if self.distance_mm is None:
             return 0.0
         chords = np.diff(self.expected.forward(self.joints)[:, :3], axis=0)
@@ -64,7 +64,7 @@ class MotorPath:
         """Return where the machine is: the tool, or the joints of a machine without one."""
         joints = self.joints_at(place)
         if self.distance_mm is not None:
-            return self.expected.task.words(np.round(self.expected.forward(joints[np.newaxis])[0], 3))
+            return self.expected.task.words(np.round(self.expected.forward(joints[np.newaxis])[0], 3) + 0.0)
         units = zip(self.expected.trajectory.joint_names, joints.tolist(), self.expected.joint_units, strict=True)
         return ", ".join(f"{name} {round(value, 3) + 0.0:g} {unit}" for name, value, unit in units)
 

@@ -18,6 +18,11 @@ _SEEN_EVENTS: Final = 4000
 """Events after a fault within which explanations are compared."""
 _LAYERS: Final = (1, 3, 10)
 """Pulses in a row that may be lost or extra, tried one after another."""
+_LAYERS_MAX: Final = 300
+"""Most of them, if the count at the end says how many."""
+_ALL_RIGHT: Final = 2
+_SETS_MAX: Final = 4_000_000
+"""Sets of places that are kept at once, by events and pulses, which bounds the memory."""
 _TURN_STEPS: Final = 4.0
 """Shortest way between two turning points."""
 _LEAPS_MAX: Final = 10
@@ -95,7 +100,7 @@ class Walk:
     @property
     def end(self) -> float:
         """The last place of the path."""
-        return self.points.shape[1] - 1.0
+        return float(self.points.shape[1] - 1)
 
     @property
     def middle(self) -> FloatArray:
@@ -123,7 +128,11 @@ class Walk:
     def passes(self) -> bool:
         """Return whether the events walk the path by the rule."""
         off = np.zeros(len(self.points))
-        return bool(self.right_at_the_end(off).all()) and self.is_whole(self.reach(0, off, (0.0, 0.0))) and not any(self.wrong_turns())
+        return (
+            bool(self.right_at_the_end(off).all())
+            and self.is_whole(self.reach(0, off, (0.0, 0.0)))
+            and not any(self.wrong_turns())
+        )
 
     def wrong_turns(self) -> Iterator[Fault]:
         """Yield each turning point of an axis at which its count is not that of the path."""
@@ -154,7 +163,7 @@ def faults(walk: Walk) -> list[Fault]:
         if len(found) == FAULTS_MAX:
             return [*found, Fault(FaultKind.MORE)]
         stop = reached.events()
-        if jump := _jump(walk, event, off, begin, stop, whole=whole):
+        if jump := _jump(walk, event, off, reached, whole=whole):
             fault, begin = jump
             found.append(fault)
             off[fault.axis] -= fault.steps
@@ -167,9 +176,12 @@ def faults(walk: Walk) -> list[Fault]:
         leap = _leap(walk, at, off, place)
         if leap is None:
             return [*found, Fault(FaultKind.LEAVES, events=(at, at), places=(place, walk.end))]
-        event, begin = leap
-        kind = FaultKind.LEFT_OUT if begin[0] > place else FaultKind.DETOUR
-        found.append(Fault(kind, events=(at, event), places=(place, max(begin[0], place))))
+        event, begin, more = leap
+        axis = int(np.abs(more).argmax()) if more.any() else -1
+        steps = -int(more[axis]) if more.any() else 0
+        kind = FaultKind.LOST_OR_EXTRA if steps else FaultKind.LEFT_OUT if begin[0] > place else FaultKind.DETOUR
+        found.append(Fault(kind, axis, steps, (at, event), (place, max(begin[0], place))))
+        off += more
 
 
 def _at_the_end(walk: Walk, off: FloatArray, place: float, *, whole: bool) -> Iterator[Fault]:
@@ -184,67 +196,92 @@ def _at_the_end(walk: Walk, off: FloatArray, place: float, *, whole: bool) -> It
         yield Fault(FaultKind.END, axis, steps, (last, last), (walk.end, walk.end))
 
 
-class _Trial(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class _Trial:
     """Pulses of one axis, lost or extra, as an explanation, and how far it goes.
 
-    `ends` is 1 if the path's end is reached with the axis' right count there, 2 if all counts are right.
+    Attributes:
+        axis: the axis.
+        sign: what one pulse is short by.
+        count: their number.
+        event: number of events before it is tried.
+        reached: the places with 0 to `count` of them, or more.
+        alive: number of events after which it has places at last.
+        ends: 1 if the path's end is reached with the axis' right count there, `_ALL_RIGHT` if all counts are right.
     """
 
     axis: int
     sign: int
     count: int
-    reached: Reach
     event: int
+    reached: Reach
+    alive: int
     ends: int
 
 
 def _jump(
-    walk: Walk, event: int, off: FloatArray, begin: tuple[float, float], stop: int, *, whole: bool
+    walk: Walk, event: int, off: FloatArray, reached: Reach, *, whole: bool
 ) -> tuple[Fault, tuple[float, float]] | None:
-    """Return the pulses, lost or extra, that explain most, and the places behind them; None if none explain enough."""
-    left = len(walk.events.changes) - event
-    until = left if whole else min(left, stop + _SEEN_EVENTS)
-    changes = walk.events.changes[event : event + until]
-    short = np.rint(walk.points[:, -1] - walk.count(event + left) - off)
-    for layers in _LAYERS:
-        trials = []
-        for axis, sign in ((axis, sign) for axis in range(len(off)) for sign in (1, -1)):
-            if whole and short[axis] * sign <= 0.0:
-                continue  # the counts at the end say which axis is short
-            reached = reach(
-                walk.middle, walk.half_steps, changes, walk.count(event) + off, begin, axis, sign, layers
-            )
-            for count in range(1, layers + 1):
-                alive = reached.events(count)
-                corrected = off.copy()
-                corrected[axis] += sign * count
-                at_end = alive == left and reached.at(alive, count)[1] >= walk.end - _ROUNDING
-                right = walk.right_at_the_end(corrected)
-                ends = int(right[axis]) + int(right.all()) if at_end else 0
-                trials.append(_Trial(axis, sign, count, reached, alive, ends))
-        enough = [each for each in trials if each.ends or each.event >= stop + _LIVES_EVENTS]
+    """Return the pulses, lost or extra, that explain most, and the places behind them; None if none explain enough.
+
+    The counts at the end say which axis is short, if it is only one. Where the whole path was walked, none else is.
+    """
+    stop, last = reached.events(), len(walk.events.changes)
+    short = np.rint(walk.points[:, -1] - walk.count(last) - off)
+    own = [(axis, int(np.sign(short[axis])), int(abs(short[axis]))) for axis in np.flatnonzero(short).tolist()]
+    both = [(axis, sign) for axis in range(len(off)) for sign in (1, -1) if not whole or short[axis] * sign > 0.0]
+    tries = [[(axis, sign, layers) for axis, sign in both] for layers in _LAYERS]
+    tries.append([each for each in own if each[2] > _LAYERS[-1]])
+    if len(own) == 1:
+        tries.insert(0, own)
+    for tried in tries:
+        trials: list[_Trial] = []
+        for axis, sign, layers in tried:
+            if layers > _LAYERS_MAX:
+                continue
+            held = _SETS_MAX // (layers + 1)
+            back = max(stop - held, 0)
+            until = min(last, event + stop + (held if tried is own else min(held, _SEEN_EVENTS)))
+            trials += _trials(walk, event + back, off, reached.at(back), (axis, sign, layers), until)
+        enough = [each for each in trials if each.ends or each.alive >= event + stop + _LIVES_EVENTS]
+        if tried is own:
+            enough = [each for each in enough if each.ends == _ALL_RIGHT]
         if enough:
-            best = max(enough, key=lambda each: (each.ends, each.event, -each.count))
-            return _located(walk, event, off, best)
+            return _located(walk, off, max(enough, key=lambda each: (each.ends, each.alive, -each.count)))
     return None
 
 
-def _located(walk: Walk, event: int, off: FloatArray, trial: _Trial) -> tuple[Fault, tuple[float, float]]:
+def _trials(
+    walk: Walk, event: int, off: FloatArray, begin: tuple[float, float], lost: tuple[int, int, int], until: int
+) -> Iterator[_Trial]:
+    """Yield up to so many pulses of an axis, each as an explanation."""
+    axis, sign, layers = lost
+    changes = walk.events.changes[event:until]
+    reached = reach(walk.middle, walk.half_steps, changes, walk.count(event) + off, begin, axis, sign, layers)
+    for count in range(1, layers + 1):
+        alive = reached.events(count)
+        ends = 0
+        if event + alive == len(walk.events.changes) and reached.at(alive, count)[1] >= walk.end - _ROUNDING:
+            corrected = off.copy()
+            corrected[axis] += sign * count
+            right = walk.right_at_the_end(corrected)
+            ends = int(right[axis]) + int(right.all())
+        yield _Trial(axis, sign, count, event, reached, event + alive, ends)
+
+
+def _located(walk: Walk, off: FloatArray, trial: _Trial) -> tuple[Fault, tuple[float, float]]:
     """Return the fault between the first and the last event that it may come behind, and the places behind it."""
-    axis, sign, count, reached, alive, ends = trial
-    corrected = walk.count(event + alive) + off
+    axis, sign, count, event, reached = trial.axis, trial.sign, trial.count, trial.event, trial.reached
+    alive = trial.alive - event
+    corrected = walk.count(trial.alive) + off
     corrected[axis] += sign * count
-    goal = (walk.end, walk.end) if ends else reached.at(alive, count)
-    changes = walk.events.changes[event : event + alive]
-    layers = reached.lows.shape[1] - 1
+    goal = (walk.end, walk.end) if trial.ends else reached.at(alive, count)
+    changes = walk.events.changes[event : trial.alive]
     back = reach_back(walk.middle, walk.half_steps, changes, corrected, goal, axis=axis, sign=sign, layers=count)
     first = _meeting(reached, 0, back, 1)
     last = _meeting(reached, count - 1, back, count)
-    assert first.size and last.size and layers >= count
     a, b = int(first[0]), max(int(last[-1]), int(first[0]))
-    low = max(reached.at(a)[0], float(back.lows[a : a + 2, 1].min()))
     behind = min(b + 1, alive)
-    high = reached.at(b, count - 1)[1]
     steps, pulses = -sign * count, walk.events.changes[event + max(a - 3, 0) : event + b + 4, axis]
     up, down = int((pulses > 0).sum()), int((pulses < 0).sum())
     both = min(up, down) > 0.02 * max(up, down)
@@ -255,21 +292,27 @@ def _located(walk: Walk, event: int, off: FloatArray, trial: _Trial) -> tuple[Fa
         kind = FaultKind.LOST if way == sign else FaultKind.EXTRA
     else:
         way, kind = 0, FaultKind.LOST_OR_EXTRA
-    fault = Fault(
-        kind, axis, steps, (event + a, event + behind - 1), (low, max(low, high)), seen.get(way), sign=way
-    )
+    pulse_s = seen.get(way)
+    if pulse_s is not None:
+        a = b = min(max(int(np.searchsorted(walk.events.time_s, pulse_s)) - event, a), b)
+    low = max(reached.at(a)[0], float(back.lows[a : a + 2, 1].min()))
+    high = min(reached.at(b, count - 1)[1], float(back.highs[b : b + 2, count].max()))
+    places = (low, max(low, high))
+    fault = Fault(kind, axis, steps, (event + a, event + behind - 1), places, pulse_s, sign=way)
     return fault, reached.at(behind, count)
 
 
 def _meeting(forward: Reach, layer: int, back: Reach, next_layer: int) -> Int64Array:
     """Return the events behind which a pulse may be lost, or the next of which may be an extra one."""
 
-    def overlap(later: int) -> FloatArray:
+    def overlap(later: int) -> Int64Array:
         ahead, behind = slice(0, len(back.lows) - later), slice(later, None)
         low = np.maximum(forward.lows[: len(back.lows)][ahead, layer], back.lows[behind, next_layer])
         high = np.minimum(forward.highs[: len(back.lows)][ahead, layer], back.highs[behind, next_layer])
         there = forward.highs[: len(back.lows)][ahead, layer] >= forward.lows[: len(back.lows)][ahead, layer]
-        return np.flatnonzero(there & (back.highs[behind, next_layer] >= back.lows[behind, next_layer]) & (low <= high + _ROUNDING))
+        return np.flatnonzero(
+            there & (back.highs[behind, next_layer] >= back.lows[behind, next_layer]) & (low <= high + _ROUNDING)
+        )
 
     return np.union1d(overlap(0), overlap(1))
 
@@ -305,15 +348,23 @@ def _pulse(events: Events, axis: int, window: tuple[int, int], trial: _Trial, wa
     return float(events.time_s[near[found[0] + 2]]) if 0 < found.size <= 3 else None
 
 
-def _leap(walk: Walk, at: int, off: FloatArray, place: float) -> tuple[int, tuple[float, float]] | None:
-    """Return an event and the places, further on, from which the path is walked again; None if it never is."""
-    event, step, last = at + 1, 1, len(walk.events.changes)
+def _leap(walk: Walk, at: int, off: FloatArray, place: float) -> tuple[int, tuple[float, float], FloatArray] | None:
+    """Return an event, the places further on from which the path is walked again, and the correction for it.
+
+    The correction is none, or what one axis is short by at the end. None: the path is never walked again.
+    """
+    last = len(walk.events.changes)
+    short = np.rint(walk.points[:, -1] - walk.count(last) - off)
+    corrections = [np.zeros(len(off)), *(row for row in np.diag(short) if np.abs(row).max() > _LAYERS[-1])]
+    event, step = at + 1, 1
     while event <= last:
-        for begin in agreeing(walk.middle, walk.half_steps, walk.count(event) + off, place)[:_LEAPS_MAX]:
-            reached = walk.reach(event, off, begin, event + _LIVES_EVENTS)
-            lives = reached.events()
-            if lives == _LIVES_EVENTS or (event + lives == last and reached.at(lives)[1] >= walk.end - _ROUNDING):
-                return event, begin
+        for more in corrections:
+            count = walk.count(event) + off + more
+            for begin in agreeing(walk.middle, walk.half_steps, count, place)[:_LEAPS_MAX]:
+                reached = walk.reach(event, off + more, begin, event + _LIVES_EVENTS)
+                lives = reached.events()
+                if lives == _LIVES_EVENTS or (event + lives == last and reached.at(lives)[1] >= walk.end - _ROUNDING):
+                    return event, begin, more
         event, step = event + step, int(step * 1.3) + 1
     return None
 
@@ -350,9 +401,9 @@ _COURSE: Final = 400
 
 
 def _totals(walk: Walk) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the steps that each axis goes, planned and made, and the correlation of each planned course with each made.
+    """Return the steps that each axis goes, planned and made, and how alike each planned course is to each made.
 
-    Places are paired by their share of the way of all axes, without any time.
+    The latter are correlations. Places are paired by their share of the way of all axes, without any time.
     """
     ways = np.abs(np.diff(walk.points, axis=1))
     changes = walk.events.changes

@@ -3,13 +3,11 @@
 from typing import Final, NamedTuple
 
 from steptwin.features.captures.motor_path import MotorPath
-from steptwin.features.captures.path_faults import Fault, FaultKind
+from steptwin.features.captures.path_faults import WHOLE, Fault, FaultKind
 from steptwin.features.captures.path_walk import Events
 from steptwin.features.captures.step_rules import StepRule
 
-HIDDEN: Final = (
-    "no path shows pulses that cancel before their axis turns around, such as one lost and one extra on the same line"
-)
+HIDDEN: Final = "pulses that cancel before their axis turns around, such as one lost and one extra on the same line"
 """What a verdict that passed does not exclude."""
 
 
@@ -32,37 +30,40 @@ def window_s(events: Events, fault: Fault) -> tuple[float, float]:
 
 def sentence(fault: Fault, named: Named) -> str:
     """Return the sentence for a fault."""
-    axis = named.names[fault.axis]
-    if fault.kind in (FaultKind.LOST, FaultKind.EXTRA, FaultKind.LOST_OR_EXTRA):
-        return f"{axis} {_pulses(fault)} {_where(fault, named)}: its count is off by {fault.steps:+d} from there on"
-    if fault.kind is FaultKind.TURN:
-        return f"{axis} turns around {_off(fault)} {_where(fault, named)}"
-    if fault.kind is FaultKind.END:
-        return f"{axis} ends {_off(fault)}"
-    if fault.kind is FaultKind.SWAPPED:
-        other = named.names[fault.other]
-        return f"{axis} goes the path of {other}, and {other} that of {axis}: swap their channels"
-    if fault.kind is FaultKind.INVERTED:
-        return f"{axis} turns the other way: invert its DIR in --map, or its sign in the robot's file"
-    if fault.kind is FaultKind.SCALED:
-        return (
-            f"{axis} makes {fault.scale:.4g} times the planned steps: its microsteps or steps per unit differ"
-            + _edges(fault, named)
-        )
-    if fault.kind is FaultKind.DEAD:
-        return f"{axis} makes no step, but the path needs some: is its channel the right one?"
+    axis, other = named.names[fault.axis], named.names[fault.other]
+    where = "" if fault.kind in WHOLE else _where(fault, named)
+    pulses = f"{axis} {_pulses(fault)} {where}: its count is off by {fault.steps:+d} from there on"
     return {
-        FaultKind.LEFT_OUT: f"the path is left out {_where(fault, named)}",
-        FaultKind.DETOUR: f"there is motion that the path does not have, {_where(fault, named)}",
-        FaultKind.LEAVES: f"the path is left {_where(fault, named)}, and never reached again",
-        FaultKind.UNFINISHED: f"the path is not finished: the steps end {_where(fault, named)}",
+        FaultKind.LOST: pulses,
+        FaultKind.EXTRA: pulses,
+        FaultKind.LOST_OR_EXTRA: pulses,
+        FaultKind.TURN: f"{axis} turns around {_off(fault)} {where}",
+        FaultKind.END: f"{axis} ends {_off(fault)}",
+        FaultKind.LEFT_OUT: f"the path is left out {where}",
+        FaultKind.DETOUR: f"there is motion that the path does not have, {where}",
+        FaultKind.LEAVES: f"the path is left {where}, and never reached again",
+        FaultKind.UNFINISHED: f"the path is not finished: the steps end {where}",
         FaultKind.NOTHING: "no step is recorded, but the path needs some",
+        FaultKind.DEAD: f"{axis} makes no step, but the path needs some: is its channel the right one?",
+        FaultKind.SWAPPED: f"{axis} goes the path of {other}, and {other} that of {axis}: swap their channels",
+        FaultKind.INVERTED: f"{axis} turns the other way: invert its DIR in --map{_belts(named)}",
+        FaultKind.SCALED: (
+            f"{axis} makes {fault.scale:.4g} times the planned steps: its microsteps or steps per unit differ"
+            + ("; each edge was counted: leave out --both-edges" if named.both_edges and fault.scale > 1.9 else "")
+        ),
         FaultKind.BOTH_EDGES: (
             "half of the planned steps on all axes, and STEP is as long high as low: the controller steps at both"
             " edges, as Klipper does with TMC drivers; --both-edges counts so"
         ),
         FaultKind.MORE: "there are more faults behind these",
     }[fault.kind]
+
+
+def _belts(named: Named) -> str:
+    """Return what else turns a motor of coupled axes the other way."""
+    if not named.path.expected.coupling.matrix:
+        return ""
+    return "; of CoreXY the second motor goes y - x here, x - y with Klipper, grbl, Marlin and LinuxCNC"
 
 
 def _pulses(fault: Fault) -> str:
@@ -84,10 +85,6 @@ def _off(fault: Fault) -> str:
     if not fault.steps:
         return "within a step of the plan, but not where its step rule says"
     return f"{abs(fault.steps)} {_steps(abs(fault.steps))} {'above' if fault.steps > 0 else 'below'} the plan"
-
-
-def _edges(fault: Fault, named: Named) -> str:
-    return "; each edge was counted: leave out --both-edges" if named.both_edges and 1.9 < fault.scale < 2.1 else ""
 
 
 def _where(fault: Fault, named: Named) -> str:

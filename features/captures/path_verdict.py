@@ -10,13 +10,18 @@ from typing import Any, Final
 
 import numpy as np
 
+from steptwin.features.captures.capture import Capture
 from steptwin.features.captures.channel_map import AxisSignals
+from steptwin.features.captures.drivers_seen import at_active_edges, drivers_of
+from steptwin.features.captures.judging import AloneRun, CaptureJudge, judge_alone
 from steptwin.features.captures.motor_path import MotorPath, motor_path
 from steptwin.features.captures.path_faults import WHOLE, Fault, FaultKind, Walk, faults, gross_faults
-from steptwin.features.captures.path_sentences import Named, sentence, window_s
+from steptwin.features.captures.path_sentences import HIDDEN, Named, sentence, window_s
 from steptwin.features.captures.path_walk import Events, events_of
 from steptwin.features.captures.step_rules import ESTIMATES, StepRule
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import Expectation
 
 _SAME_SAMPLES: Final = 1.5
@@ -25,6 +30,8 @@ _PAUSE_S: Final = 0.05
 """Shortest standstill before a motion, if other steps come before it."""
 _PAUSES_MAX: Final = 20
 _LONGER_EVENTS: Final = 200
+_MANY_LOST: Final = 0.15
+"""Part of an axis' steps up to which its pulses may be lost at one place, instead of all along."""
 _SYMMETRIC: Final = (0.4, 0.6)
 """Part of a period for which STEP is high, if each of its edges is a step."""
 
@@ -67,7 +74,7 @@ class PathVerdict:
         return tuple(sentence(fault, named) for fault in self.faults)
 
     def window_s(self, fault: Fault) -> tuple[float, float]:
-        """Return the instants between which a fault came: the last one surely before it, the first one surely after it."""
+        """Return the instants of the last event surely before a fault, and of the first one surely after it."""
         return window_s(self.events, fault)
 
     def to_dict(self) -> dict[str, Any]:
@@ -92,9 +99,8 @@ class PathVerdict:
                 {"name": name, "start": int(begin), "end": int(end), "planned_end_steps": goal, "steps": int(steps)}
                 for name, begin, end, goal, steps in facts
             ],
-            "faults": [
-                self._fault(fault, reason) for fault, reason in zip(self.faults, self.reasons, strict=True)
-            ],
+            "not_shown": HIDDEN,
+            "faults": [self._fault(fault, reason) for fault, reason in zip(self.faults, self.reasons, strict=True)],
         }
 
     def _fault(self, fault: Fault, reason: str) -> dict[str, Any]:
@@ -110,6 +116,60 @@ class PathVerdict:
             **(self.path.to_dict(fault.places) if placed else {}),
             "said": reason,
         }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PathRun:
+    """A capture beside the path of a plan: the verdict on its steps, and on its drivers' limits.
+
+    With steps at both edges of STEP the limits are not judged: no driver of the list makes such steps.
+    """
+
+    alone: AloneRun
+    verdict: PathVerdict
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """One line for each fault of the steps, then for each limit that was broken."""
+        if self.verdict.both_edges:
+            return self.verdict.reasons
+        if exchanged := self.alone.exchanged:
+            return exchanged
+        return (*self.verdict.reasons, *self.alone.reasons)
+
+    @property
+    def passed(self) -> bool:
+        """True if all steps are there, in their order, and the drivers made them."""
+        return not self.reasons
+
+    @property
+    def hints(self) -> tuple[str, ...]:
+        """What may be looked at, though it fails nothing."""
+        return self.alone.hints
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report as `steptwin verify --capture --path --json` prints it."""
+        document = self.alone.to_dict() | {"passed": self.passed, "reasons": list(self.reasons)}
+        if self.verdict.both_edges:
+            document["capture"]["limits"] = []
+        return document | {"path": self.verdict.to_dict()}
+
+
+def judge_by_path(
+    capture: Capture,
+    robot: Robot,
+    motion: Trajectory,
+    judge: CaptureJudge,
+    rule: StepRule | None,
+    *,
+    both_edges: bool = False,
+) -> PathRun:
+    """Judge a capture beside the path of a motion, at any speed; raises InputError as `judge_capture` does."""
+    resolution_s = capture.resolution_s
+    alone = judge_alone(capture, robot, judge)
+    signals = at_active_edges(alone.signals, drivers_of(robot, judge.driver_profile))
+    expected = Expectation.of(robot, motion)
+    return PathRun(alone, judge_path(signals, expected, rule, resolution_s, both_edges=both_edges))
 
 
 def judge_path(
@@ -134,7 +194,10 @@ def judge_path(
     steps = events_of(times_s, signs, _SAME_SAMPLES * resolution_s)
     rate_hz = max((_rate_hz(own_s) for own_s in times_s), default=0.0)
     path = motor_path(expected)
-    walks = [Walk(path.points, steps, each, each.half_at(rate_hz, path.curve_steps_per_mm)) for each in ([rule] if rule else ESTIMATES)]
+    walks = [
+        Walk(path.points, steps, each, each.half_at(rate_hz, path.curve_steps_per_mm))
+        for each in ([rule] if rule else ESTIMATES)
+    ]
     begins = [0, *_pauses(steps)]
     tried = ((_from(walk, begin), begin) for begin in begins for walk in walks)
     passing = next((each for each in tried if each[0].passes()), None)
@@ -163,7 +226,8 @@ def _rate_hz(times_s: FloatArray) -> float:
 
 def _pauses(steps: Events) -> list[int]:
     """Return the numbers of events before the standstills after which the motion may begin."""
-    return (np.flatnonzero(np.diff(steps.time_s) > _PAUSE_S)[:_PAUSES_MAX] + 1).tolist()
+    begins: list[int] = (np.flatnonzero(np.diff(steps.time_s) > _PAUSE_S)[:_PAUSES_MAX] + 1).tolist()
+    return begins
 
 
 def _from(walk: Walk, begin: int) -> Walk:
@@ -183,13 +247,16 @@ def _explained(
     walks: Sequence[Walk], signals: Sequence[AxisSignals], *, both_edges: bool
 ) -> tuple[Walk, Sequence[Fault]]:
     """Return the faults by the rule with the fewest, those of whole axes first."""
-    if gross := gross_faults(walks[0]):
-        halved = [fault for fault in gross if fault.kind is FaultKind.SCALED and abs(fault.scale - 0.5) < 0.02]
-        if not both_edges and len(halved) == len(gross) and all(_is_symmetric(each) for each in signals):
-            gross = [Fault(FaultKind.BOTH_EDGES)]
+    gross = gross_faults(walks[0])
+    halved = [fault for fault in gross if fault.kind is FaultKind.SCALED and abs(fault.scale - 0.5) < 0.02]
+    if halved and len(halved) == len(gross) and not both_edges and all(_is_symmetric(each) for each in signals):
+        return walks[0], [Fault(FaultKind.BOTH_EDGES)]
+    if any(fault.kind is not FaultKind.SCALED or abs(fault.scale - 1.0) > _MANY_LOST for fault in gross):
         return walks[0], gross
     found = [(walk, faults(walk)) for walk in walks]
-    return min(found, key=lambda each: (sum(fault.kind not in _PULSES for fault in each[1]), len(each[1])))
+    walk, fewest = min(found, key=lambda each: (sum(fault.kind not in _PULSES for fault in each[1]), len(each[1])))
+    is_one = len(fewest) == 1 and fewest[0].kind in _PULSES
+    return (walks[0], gross) if gross and not is_one else (walk, fewest)
 
 
 _PULSES: Final = (FaultKind.LOST, FaultKind.EXTRA, FaultKind.LOST_OR_EXTRA)

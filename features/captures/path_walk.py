@@ -6,10 +6,10 @@ places that agree with the counts and that are reached forwards only, from the p
 They are a few intervals. If there are none, the counts have left the path. This decides exactly whether path and counts
 have a Frechet distance of at most `half`.
 
-With layers, up to that many pulses of one axis may have been lost (`sign` as its motion) or added (against it): a set of
-layer m comes from layer m - 1 by a step that no event shows, or by an event that is no step.
+With layers, up to that many pulses of one axis may have been lost (`sign` as its motion) or added (against it): a set
+of layer m comes from layer m - 1 by a step that no event shows, or by an event that is no step.
 
-The loops are plain functions of numbers, which give the same bits compiled by numba (extra `fast`), as long captures want.
+The loops are plain functions of numbers, which give the same bits compiled by numba (extra `fast`), for long captures.
 
 Source: H. Alt, M. Godau, "Computing the Frechet distance between two polygonal curves", International Journal of
 Computational Geometry & Applications 5, 1995, section 3.
@@ -76,7 +76,8 @@ def reach(
     """
     shape = len(changes) + 1, layers + 1
     found = Reach(np.ones(shape), np.zeros(shape))
-    if len(changes) * (layers + 1) >= _LONG and find_spec("numba"):
+    is_long = len(changes) * (layers + 1) >= _LONG or _compiled.cache_info().currsize > 0
+    if is_long and find_spec("numba"):
         steps: Any = changes
         _compiled()(points, half, steps, count.copy(), begin, axis, sign, found.lows, found.highs)
         return found
@@ -124,6 +125,21 @@ def agreeing(points: FloatArray, half: float, count: FloatArray, begin: float) -
     return [(max(here, begin), there) for here, there in found if there >= begin]
 
 
+def part(points: Any, half: float, count: Any, segment: int) -> tuple[float, float]:
+    """Return the part of a segment that agrees with a count, from 0 to 1; none if it ends before it begins."""
+    low, high = 0.0, 1.0
+    for x in range(len(points)):
+        off = points[x][segment] - count[x]
+        way = points[x][segment + 1] - points[x][segment]
+        if way > 0.0:
+            low, high = max(low, (-half - off) / way), min(high, (half - off) / way)
+        elif way < 0.0:
+            low, high = max(low, (half - off) / way), min(high, (-half - off) / way)
+        elif off > half or off < -half:
+            high = -1.0
+    return low, high
+
+
 def advance(
     points: Any, half: float, count: Any, begins: Any, ends: Any, size: int, made_begins: Any, made_ends: Any
 ) -> int:
@@ -136,16 +152,7 @@ def advance(
             continue
         i, is_open = min(int(low), last), False
         while i <= last:
-            f_low, f_high = 0.0, 1.0
-            for x in range(len(points)):
-                off = points[x][i] - count[x]
-                way = points[x][i + 1] - points[x][i]
-                if way > 0.0:
-                    f_low, f_high = max(f_low, (-half - off) / way), min(f_high, (half - off) / way)
-                elif way < 0.0:
-                    f_low, f_high = max(f_low, (half - off) / way), min(f_high, (-half - off) / way)
-                elif off > half or off < -half:
-                    f_high = -1.0
+            f_low, f_high = part(points, half, count, i)
             if is_open and (f_low > 0.0 or f_high < f_low):
                 at, made, is_open = made_ends[made], made + 1, False
             if is_open:
@@ -214,7 +221,14 @@ def walk(
                 size = join(begins[0], ends[0], was, begins[0], ends[0], 0, all_begins, all_ends)
             else:  # the step that no event shows comes before this event, or after it
                 two = join(
-                    begins[m - 1], ends[m - 1], before, new_begins[m - 1], new_ends[m - 1], new_size, two_begins, two_ends
+                    begins[m - 1],
+                    ends[m - 1],
+                    before,
+                    new_begins[m - 1],
+                    new_ends[m - 1],
+                    new_size,
+                    two_begins,
+                    two_ends,
                 )
                 size = join(begins[m], ends[m], was, two_begins, two_ends, two, all_begins, all_ends)
                 count[axis] += sign
@@ -234,12 +248,12 @@ def walk(
 def _compiled() -> Callable[..., None]:
     import numba
 
-    def compiled(function: FunctionType, **names: Any) -> Any:
-        linked = FunctionType(function.__code__, {**globals(), **names}, function.__name__)
-        linked.__module__ = function.__module__
+    def compiled(function: Any, **called: Any) -> Any:
+        linked = FunctionType(function.__code__, {**globals(), **called}, function.__name__)
+        linked.__module__ = __name__
         return numba.njit(cache=True, error_model="numpy")(linked)
 
-    made: Callable[..., None] = compiled(walk, advance=compiled(advance), join=compiled(join))
+    made: Callable[..., None] = compiled(walk, advance=compiled(advance, part=compiled(part)), join=compiled(join))
     return made
 
 

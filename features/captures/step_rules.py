@@ -7,7 +7,8 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
-from steptwin.host.common.bad_input import known
+from steptwin.host.common.bad_input import shortened
+from steptwin.host.common.errors import InputError
 
 _EXACT_STEPS: Final = 2e-3
 """Rounding error of a position in steps."""
@@ -30,6 +31,7 @@ class StepRule:
         name: name of the rule.
         half_steps: largest distance of a count from the path, from its middle.
         rest: the count at standstill.
+        rest_steps: largest distance of the nearest count at standstill.
         turn_steps: largest distance of the count where an axis turns around, from that at standstill.
         early_s: how much too early a step may come; adds to `half_steps` in proportion to the step rate.
         chord_mm: distance of the chords from the arcs for which it goes them; adds to `half_steps` on curved paths.
@@ -41,6 +43,7 @@ class StepRule:
     name: str
     half_steps: float
     rest: Rest = Rest.NEAREST
+    rest_steps: float = 0.51
     turn_steps: float = 1.07
     early_s: float = 0.0
     chord_mm: float = 0.0
@@ -79,7 +82,7 @@ class StepRule:
             return np.asarray(counts == above)
         if self.rest is Rest.WHOLE:
             return np.asarray((counts == below) | (counts == above))
-        return np.asarray(np.abs(counts - positions) <= 0.51)
+        return np.asarray(np.abs(counts - positions) <= self.rest_steps)
 
     def turns(self, counts: FloatArray, positions: FloatArray) -> BoolArray:
         """Return which counts are right where an axis turns around; speed and jitter do not change them."""
@@ -142,6 +145,9 @@ CONTROLLERS: Final = {
 _UNKNOWN_SAYS: Final = "estimated from the counts"
 ESTIMATES: Final = (
     StepRule(name="nearest step", half_steps=0.56, turn_steps=0.56, says=_UNKNOWN_SAYS, source=""),
+    StepRule(
+        name="steptwin", half_steps=0.66, rest_steps=0.57, turn_steps=0.66, says="9/16 step beyond the count", source=""
+    ),
     CONTROLLERS["klipper"],
     CONTROLLERS["grbl"],
     StepRule(name="step below", half_steps=0.56, rest=Rest.FLOOR, says=_UNKNOWN_SAYS, source=""),
@@ -153,4 +159,6 @@ ESTIMATES: Final = (
 
 def controller(name: str) -> StepRule:
     """Return a controller's rule; raise InputError for a name that there is not."""
-    return CONTROLLERS[known("--controller", name, CONTROLLERS)]
+    if name not in CONTROLLERS:
+        raise InputError(f"--controller {shortened(name)}: there are {', '.join(CONTROLLERS)}")
+    return CONTROLLERS[name]

@@ -6,6 +6,7 @@ points; positions are sampled finely, thresholds are interpolated, and blocks go
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +36,9 @@ class Drawn:
     output_changes: tuple[()] = ()
 
     def __post_init__(self) -> None:
-        self.ways = [np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(s, axis=0), axis=1)))) for s in self.strokes]
+        self.ways = [
+            np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(s, axis=0), axis=1)))) for s in self.strokes
+        ]
         lengths = [way[-1] for way in self.ways]
         speed, acceleration = self.law
         self.tops = [min(speed, float(np.sqrt(length * acceleration))) for length in lengths]
@@ -72,6 +75,9 @@ class Drawn:
             )
         return found
 
+    def velocities(self, t_s: Floats) -> Floats:
+        return (self.positions(t_s + 1e-6) - self.positions(t_s - 1e-6)) / 2e-6
+
     def expected(self, per_mm: float) -> Expectation:
         """Return the expectation of a machine whose joints are its tool's coordinates."""
         axes = self.strokes[0].shape[1]
@@ -80,7 +86,11 @@ class Drawn:
             return np.column_stack([joints, np.zeros((len(joints), 3 - axes))])
 
         return Expectation(
-            self, np.full(axes, per_mm), ("mm",) * axes, forward, task=TASKS["position"]  # type: ignore[arg-type]
+            self,
+            np.full(axes, per_mm),
+            ("mm",) * axes,
+            forward,
+            task=TASKS["position"],
         )
 
 
@@ -101,22 +111,17 @@ def arc(centre: Sequence[float], radius: float, begin_deg: float, sweep_deg: flo
 
 def random_path(random: np.random.Generator, size: float = 8.0) -> list[Floats]:
     """Return one of several kinds of paths."""
-    kind = random.integers(7)
-    if kind == 0:
-        return polygon([(0, 0), (size, 0), (size, 0.7 * size), (0, 0.7 * size), (0, 0)])
-    if kind == 1:
-        return polygon([(0.0,), (size,), (0.3 * size,), (0.9 * size,), (-0.5 * size,)])
-    if kind == 2:
-        turns = np.deg2rad(np.arange(6) * 144.0)
-        return polygon((size * np.column_stack([np.sin(turns), np.cos(turns)])).tolist())
-    if kind == 3:
-        return [arc((0.0, 0.0), size / 2.0, 0.0, 360.0), arc((0.0, 0.0), size / 2.0, 0.0, -250.0)]
-    if kind == 4:
-        return polygon([(i * size / 12.0, (i % 2) * size / 3.0) for i in range(13)])
-    if kind == 5:
-        return polygon([(0, 0), *random.uniform(-size, size, (6, 2)).round(3).tolist()])
-    first = polygon([(0, 0, 0), (0, 0, -2.0), (size, 0, -2.0), (size, size, -2.0), (0.2, 0.4, -1.0), (0, 0, 0)])
-    return first
+    turns = np.deg2rad(np.arange(6) * 144.0)
+    paths = (
+        polygon([(0, 0), (size, 0), (size, 0.7 * size), (0, 0.7 * size), (0, 0)]),
+        polygon([(0.0,), (size,), (0.3 * size,), (0.9 * size,), (-0.5 * size,)]),
+        polygon((size * np.column_stack([np.sin(turns), np.cos(turns)])).tolist()),
+        [arc((0.0, 0.0), size / 2.0, 0.0, 360.0), arc((0.0, 0.0), size / 2.0, 0.0, -250.0)],
+        polygon([(i * size / 12.0, (i % 2) * size / 3.0) for i in range(13)]),
+        polygon([(0, 0), *random.uniform(-size, size, (6, 2)).round(3).tolist()]),
+        polygon([(0, 0, 0), (0, 0, -2.0), (size, 0, -2.0), (size, size, -2.0), (0.2, 0.4, -1.0), (0, 0, 0)]),
+    )
+    return paths[int(random.integers(len(paths)))]
 
 
 # --- controllers
@@ -129,7 +134,9 @@ def nearest(drawn: Drawn, per_mm: float, random: np.random.Generator, early_s: f
     for p in (drawn.positions(t_s) * per_mm).T:
         steps = by_thresholds(t_s, p, 0.5, 0.5, round(float(p[0])))
         gaps_s = np.diff(steps.time_s, prepend=-1.0)
-        made.append(Steps(steps.time_s - random.uniform(0.0, 1.0, gaps_s.size) * np.minimum(early_s, gaps_s / 2), steps.signs))
+        made.append(
+            Steps(steps.time_s - random.uniform(0.0, 1.0, gaps_s.size) * np.minimum(early_s, gaps_s / 2), steps.signs)
+        )
     return made
 
 
@@ -142,7 +149,7 @@ def exact(drawn: Drawn, per_mm: float, random: np.random.Generator) -> list[Step
 
 
 def thresholds(up: float, down: float, first: Callable[[float], float]) -> "Controller":
-    def made(drawn: Drawn, per_mm: float, random: np.random.Generator) -> list[Steps]:
+    def made(drawn: Drawn, per_mm: float, _: np.random.Generator) -> list[Steps]:
         t_s = np.arange(0.0, drawn.duration_s + 2e-5, 2e-5)
         columns = (drawn.positions(t_s) * per_mm).T
         return [by_thresholds(t_s, p, up, down, int(first(float(p[0]) + 1e-9))) for p in columns]
@@ -152,14 +159,14 @@ def thresholds(up: float, down: float, first: Callable[[float], float]) -> "Cont
 
 def linuxcnc(drawn: Drawn, per_mm: float, random: np.random.Generator) -> list[Steps]:
     """Return the steps of positions that are linear within 1 ms, on the grid of a base period."""
-    period_s = float(random.choice([25e-6, 50e-6]))
+    period_s = 25e-6 if drawn.law.speed * per_mm > 15e3 else float(random.choice([25e-6, 50e-6]))
     servo_s = np.arange(0.0, drawn.duration_s + 2e-3, 1e-3)
     t_s = np.arange(0.0, servo_s[-1], period_s)
     columns = [np.interp(t_s, servo_s, p) for p in (drawn.positions(servo_s) * per_mm).T]
     return [by_counts(t_s, np.floor(p + 0.5).astype(np.int64)) for p in columns]
 
 
-def blocks(drawn: Drawn, per_mm: float, random: np.random.Generator, burst: int = 1) -> list[Steps]:
+def blocks(drawn: Drawn, per_mm: float, _: np.random.Generator, burst: int = 1) -> list[Steps]:
     """Return the steps of blocks between rounded targets: grbl's segments of 10 ms, or Marlin's bursts."""
     axes = drawn.strokes[0].shape[1]
     times: list[list[Floats]] = [[np.empty(0)] for _ in range(axes)]
@@ -167,11 +174,13 @@ def blocks(drawn: Drawn, per_mm: float, random: np.random.Generator, burst: int 
     at = np.rint(drawn.strokes[0][0] * per_mm).astype(np.int64)
     for number, stroke in enumerate(drawn.strokes):
         way = drawn.ways[number]
-        chords = np.unique(np.linspace(0, len(stroke) - 1, _chords(stroke, 0.002 if burst == 1 else 1e-4) + 1).round().astype(int))
+        chords = np.unique(
+            np.linspace(0, len(stroke) - 1, _chords(stroke, 0.002 if burst == 1 else 1e-4) + 1).round().astype(int)
+        )
         t_s = np.append(np.arange(0.0, drawn.lasts_s[number], 0.01 if burst == 1 else 1e-3), drawn.lasts_s[number])
         gone = drawn.gone(number, t_s)
         rising = np.concatenate(([True], np.diff(gone) > 0.0))
-        for begin, end in zip(chords[:-1], chords[1:], strict=True):
+        for begin, end in pairwise(chords.tolist()):
             target = np.rint(stroke[end] * per_mm).astype(np.int64)
             move, at = target - at, target
             events = int(np.abs(move).max())
@@ -311,21 +320,23 @@ def made_case(seed: int, fault: str = "", rule: str = "") -> Case:
     return Case(rule, made, Drawn(path, Law(50.0, 500.0)).expected(per_mm), 1.0 / rate_hz, place)
 
 
-def _damaged(
-    steps: list[Steps], fault: str, random: np.random.Generator
-) -> tuple[list[Steps], tuple[int, int, float]]:
+def _damaged(steps: list[Steps], fault: str, random: np.random.Generator) -> tuple[list[Steps], tuple[int, int, float]]:
     long = [axis for axis, own in enumerate(steps) if own.time_s.size > 100]
     axis = int(random.choice(long))
     own = steps[axis]
     first = int(random.integers(own.time_s.size - 50))
-    count = int(fault.split()[-1]) if fault[-1:].isdigit() else 0
+    count = int(fault.rsplit(maxsplit=1)[-1]) if fault[-1:].isdigit() else 0
     if fault.startswith("lost ") and count:
         off = -int(own.signs[first : first + count].sum())
         return change(steps, axis, lose(own, first, count)), (axis, off, float(own.time_s[first]))
     if fault.startswith("extra"):
         while own.signs[first] != own.signs[first + 1]:
             first += 1
-        return change(steps, axis, add(own, first, count)), (axis, count * int(own.signs[first]), float(own.time_s[first]))
+        return change(steps, axis, add(own, first, count)), (
+            axis,
+            count * int(own.signs[first]),
+            float(own.time_s[first]),
+        )
     if fault == "two axes lose 1":
         for axis in long[:2]:
             steps = change(steps, axis, lose(steps[axis], int(random.integers(steps[axis].time_s.size)), 1))
