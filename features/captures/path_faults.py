@@ -20,6 +20,8 @@ _LAYERS: Final = (1, 3, 10)
 """Pulses in a row that may be lost or extra, tried one after another."""
 _LAYERS_MAX: Final = 300
 """Most of them, if the count at the end says how many."""
+_AHEAD_STEPS: Final = 4.0
+"""Distance up to which a path is walked on from where it was left."""
 _ALL_RIGHT: Final = 2
 _SETS_MAX: Final = 4_000_000
 """Sets of places that are kept at once, by events and pulses, which bounds the memory."""
@@ -111,6 +113,11 @@ class Walk:
         """Return the counts after an event."""
         return counts_after(self.events.changes, event, self.rule.start(self.points[:, 0]))
 
+    def at(self, place: float) -> FloatArray:
+        """Return the axes' positions at a place."""
+        vertices = np.arange(self.points.shape[1])
+        return np.array([np.interp(place, vertices, points) for points in self.points])
+
     def right_at_the_end(self, off: FloatArray) -> BoolArray:
         """Return which axes' last counts are right, if they are corrected."""
         return self.rule.rests(self.count(len(self.events.changes)) + off, self.points[:, -1])
@@ -177,9 +184,10 @@ def faults(walk: Walk) -> list[Fault]:
         if leap is None:
             return [*found, Fault(FaultKind.LEAVES, events=(at, at), places=(place, walk.end))]
         event, begin, more = leap
+        is_ahead = float(np.abs(walk.at(begin[0]) - walk.at(place)).max()) > _AHEAD_STEPS
         axis = int(np.abs(more).argmax()) if more.any() else -1
         steps = -int(more[axis]) if more.any() else 0
-        kind = FaultKind.LOST_OR_EXTRA if steps else FaultKind.LEFT_OUT if begin[0] > place else FaultKind.DETOUR
+        kind = FaultKind.LOST_OR_EXTRA if steps else FaultKind.LEFT_OUT if is_ahead else FaultKind.DETOUR
         found.append(Fault(kind, axis, steps, (at, event), (place, max(begin[0], place))))
         off += more
 
@@ -349,9 +357,10 @@ def _pulse(events: Events, axis: int, window: tuple[int, int], trial: _Trial, wa
 
 
 def _leap(walk: Walk, at: int, off: FloatArray, place: float) -> tuple[int, tuple[float, float], FloatArray] | None:
-    """Return an event, the places further on from which the path is walked again, and the correction for it.
+    """Return the first event, behind one, from which the path is walked again, the places then, and the correction.
 
-    The correction is none, or what one axis is short by at the end. None: the path is never walked again.
+    The places are not before `place`. The correction is none, or what one axis is short by at the end. None: the path
+    is never walked again.
     """
     last = len(walk.events.changes)
     short = np.rint(walk.points[:, -1] - walk.count(last) - off)
@@ -364,65 +373,68 @@ def _leap(walk: Walk, at: int, off: FloatArray, place: float) -> tuple[int, tupl
                 reached = walk.reach(event, off + more, begin, event + _LIVES_EVENTS)
                 lives = reached.events()
                 if lives == _LIVES_EVENTS or (event + lives == last and reached.at(lives)[1] >= walk.end - _ROUNDING):
-                    return event, begin, more
+                    changes = walk.events.changes[at:event]
+                    back = reach_back(walk.middle, walk.half_steps, changes, count, begin)
+                    first = int(np.argmax((back.highs >= back.lows) & (back.highs >= place)))
+                    low, high = back.at(first)
+                    return at + first, (max(low, place), high), more
         event, step = event + step, int(step * 1.3) + 1
     return None
 
 
 def gross_faults(walk: Walk) -> list[Fault]:
-    """Return what is wrong with whole axes, by their totals: dead, swapped, turned the other way, of another scale."""
+    """Return what is wrong with whole axes, by their runs between turning points.
+
+    An axis may be dead, go another one's path, turn the other way, or be of another scale.
+    """
     if not walk.events.changes.any():
         return [Fault(FaultKind.NOTHING)]
-    planned, made, alike = _totals(walk)
-    axes = range(len(planned))
-
-    def agree(one: float, other: float) -> bool:
-        return abs(one - other) <= max(6.0, 0.004 * max(one, other))
-
-    found = [Fault(FaultKind.DEAD, axis) for axis in axes if planned[axis] > 3.0 and made[axis] == 0.0]
+    axes = range(len(walk.points))
+    planned = [_runs(points) for points in walk.points]
+    made = [_runs(np.cumsum(np.append(0.0, changes))) for changes in walk.events.changes.T]
+    scales = [[_scale(planned[i], made[j]) for j in axes] for i in axes]
+    found = []
     for i in axes:
-        for j in axes[i + 1 :]:
-            totals = agree(planned[i], made[j]) and agree(planned[j], made[i])
-            if totals and min(alike[i, j], alike[j, i]) > _ALIKE > min(alike[i, i], alike[j, j]):
-                found.append(Fault(FaultKind.SWAPPED, i, other=j))
-    for axis in axes:
-        if alike[axis, axis] < -_ALIKE and agree(planned[axis], made[axis]):
-            found.append(Fault(FaultKind.INVERTED, axis))
-        elif planned[axis] > 100.0 and made[axis] > 0.0 and alike[axis, axis] > _ALIKE:
-            scale = float(made[axis] / planned[axis])
-            if abs(scale - 1.0) > 0.02:
-                found.append(Fault(FaultKind.SCALED, axis, scale=scale))
+        own = scales[i][i]
+        others = [j for j in axes if j != i and _is_one(scales[i][j]) and _is_one(scales[j][i])]
+        if not made[i].size and np.abs(planned[i]).sum() > _DEAD_STEPS:
+            found.append(Fault(FaultKind.DEAD, i))
+        elif others and not _is_one(own):
+            found += [Fault(FaultKind.SWAPPED, i, other=others[0])] if i < others[0] else []
+        elif own is not None and abs(own + 1.0) < _SCALE_OFF:
+            found.append(Fault(FaultKind.INVERTED, i))
+        elif own is not None and not _is_one(own) and np.abs(planned[i]).sum() > _SCALED_STEPS:
+            found.append(Fault(FaultKind.SCALED, i, scale=own))
     return found
 
 
-_ALIKE: Final = 0.98
-"""Correlation of two courses that are taken for the same."""
-_COURSE: Final = 400
+_DEAD_STEPS: Final = 3.0
+_SCALED_STEPS: Final = 100.0
+_SCALE_OFF: Final = 0.02
+"""Difference of a scale from 1 that lost pulses explain."""
 
 
-def _totals(walk: Walk) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the steps that each axis goes, planned and made, and how alike each planned course is to each made.
-
-    The latter are correlations. Places are paired by their share of the way of all axes, without any time.
-    """
-    ways = np.abs(np.diff(walk.points, axis=1))
-    changes = walk.events.changes
-    shares = np.linspace(0.0, 1.0, _COURSE)
-    far = np.concatenate(([0.0], np.cumsum(ways.sum(axis=0))))
-    pulses = np.concatenate(([0], np.cumsum(np.abs(changes).sum(axis=1, dtype=np.int64))))
-    at = np.searchsorted(pulses, shares * pulses[-1])
-    alike = np.zeros((len(ways), len(ways)))
-    made = [np.concatenate(([0], np.cumsum(changes[:, axis], dtype=np.int64)))[at] for axis in range(len(ways))]
-    for i, points in enumerate(walk.points):
-        planned = np.interp(shares * far[-1], far, points)
-        for j, course in enumerate(made):
-            if np.ptp(planned) > 2.0 and np.ptp(course) > 2.0:
-                alike[i, j] = np.corrcoef(planned, course)[0, 1]
-    return ways.sum(axis=1), np.abs(changes).sum(axis=0, dtype=np.int64).astype(np.float64), alike
+def _is_one(scale: float | None) -> bool:
+    return scale is not None and abs(scale - 1.0) <= _SCALE_OFF
 
 
-def _turning(values: FloatArray) -> Int64Array:
-    """Return where values turn around, with at least `_TURN_STEPS` between two turning points."""
+def _runs(values: FloatArray) -> FloatArray:
+    """Return how far values go between turning points."""
+    least = max(_TURN_STEPS, 0.02 * float(np.ptp(values)))
+    return np.diff(values[[0, *_turning(values, least), -1]]) if np.any(values != values[0]) else np.empty(0)
+
+
+def _scale(planned: FloatArray, made: FloatArray) -> float | None:
+    """Return by which factor an axis goes further than planned in each run; None if it does not."""
+    if not planned.size or planned.size != made.size:
+        return None
+    scale = float(planned @ made / (planned @ planned))
+    off = np.abs(made - scale * planned)
+    return scale if np.all(off <= 2.0 + 0.01 * np.abs(made)) and scale != 0.0 else None
+
+
+def _turning(values: FloatArray, least: float = _TURN_STEPS) -> Int64Array:
+    """Return where values turn around, with at least so much between two turning points."""
     moves = np.diff(values)
     moving = np.flatnonzero(moves)
     turns = moving[np.flatnonzero(np.diff(np.sign(moves[moving])))] + 1
@@ -432,12 +444,12 @@ def _turning(values: FloatArray) -> Int64Array:
     for i in [*turns.tolist(), len(values) - 1]:
         top = i if values[i] > values[top] else top
         bottom = i if values[i] < values[bottom] else bottom
-        if way >= 0 and values[top] - values[i] >= _TURN_STEPS:
+        if way >= 0 and values[top] - values[i] >= least:
             if way > 0 or top > 0:
                 found.append(top)
             way, bottom = -1, i
             top = i
-        elif way <= 0 and values[i] - values[bottom] >= _TURN_STEPS:
+        elif way <= 0 and values[i] - values[bottom] >= least:
             if way < 0 or bottom > 0:
                 found.append(bottom)
             way, top = 1, i

@@ -18,7 +18,7 @@ from steptwin.features.captures.motor_path import MotorPath, motor_path
 from steptwin.features.captures.path_faults import WHOLE, Fault, FaultKind, Walk, faults, gross_faults
 from steptwin.features.captures.path_sentences import HIDDEN, Named, sentence, window_s
 from steptwin.features.captures.path_walk import Events, events_of
-from steptwin.features.captures.step_rules import ESTIMATES, StepRule
+from steptwin.features.captures.step_rules import ESTIMATES, Rest, StepRule
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
@@ -73,6 +73,12 @@ class PathVerdict:
         named = Named(self.names, self.path, self.events, self.rule, self.both_edges)
         return tuple(sentence(fault, named) for fault in self.faults)
 
+    @property
+    def not_shown(self) -> str:
+        """What a verdict that passed does not exclude."""
+        between = "; and by this rule one step lost or extra, if its axis ends between two steps"
+        return HIDDEN + (between if self.rule.rest is Rest.WHOLE else "")
+
     def window_s(self, fault: Fault) -> tuple[float, float]:
         """Return the instants of the last event surely before a fault, and of the first one surely after it."""
         return window_s(self.events, fault)
@@ -99,7 +105,7 @@ class PathVerdict:
                 {"name": name, "start": int(begin), "end": int(end), "planned_end_steps": goal, "steps": int(steps)}
                 for name, begin, end, goal, steps in facts
             ],
-            "not_shown": HIDDEN,
+            "not_shown": self.not_shown,
             "faults": [self._fault(fault, reason) for fault, reason in zip(self.faults, self.reasons, strict=True)],
         }
 
@@ -254,9 +260,14 @@ def _explained(
     if any(fault.kind is not FaultKind.SCALED or abs(fault.scale - 1.0) > _MANY_LOST for fault in gross):
         return walks[0], gross
     found = [(walk, faults(walk)) for walk in walks]
-    walk, fewest = min(found, key=lambda each: (sum(fault.kind not in _PULSES for fault in each[1]), len(each[1])))
+    walk, fewest = min(found, key=lambda each: (_unlikely(each[1]), each[0].half_steps))
     is_one = len(fewest) == 1 and fewest[0].kind in _PULSES
     return (walks[0], gross) if gross and not is_one else (walk, fewest)
+
+
+def _unlikely(found: Sequence[Fault]) -> tuple[int, int]:
+    """Return how unlikely faults are: pulses are more likely than others, and one fault than more."""
+    return sum(fault.kind not in _PULSES for fault in found), len(found)
 
 
 _PULSES: Final = (FaultKind.LOST, FaultKind.EXTRA, FaultKind.LOST_OR_EXTRA)

@@ -76,10 +76,10 @@ def reach(
     """
     shape = len(changes) + 1, layers + 1
     found = Reach(np.ones(shape), np.zeros(shape))
-    is_long = len(changes) * (layers + 1) >= _LONG or _compiled.cache_info().currsize > 0
+    is_long = len(changes) * (layers + 1) >= _LONG or compiled_walk.cache_info().currsize > 0
     if is_long and find_spec("numba"):
         steps: Any = changes
-        _compiled()(points, half, steps, count.copy(), begin, axis, sign, found.lows, found.highs)
+        compiled_walk()(points, half, steps, count.copy(), begin, axis, sign, found.lows, found.highs)
         return found
     lows, highs = found.lows.tolist(), found.highs.tolist()
     walk(points.tolist(), half, changes.tolist(), count.tolist(), begin, axis, sign, lows, highs)
@@ -245,7 +245,8 @@ def walk(
 
 
 @cache
-def _compiled() -> Callable[..., None]:
+def compiled_walk() -> Callable[..., None]:
+    """Return `walk` as numba compiles it."""
     import numba
 
     def compiled(function: Any, **called: Any) -> Any:

@@ -132,12 +132,19 @@ def nearest(drawn: Drawn, per_mm: float, random: np.random.Generator, early_s: f
     t_s = np.arange(0.0, drawn.duration_s + 2e-5, 2e-5)
     made = []
     for p in (drawn.positions(t_s) * per_mm).T:
-        steps = by_thresholds(t_s, p, 0.5, 0.5, round(float(p[0])))
+        steps = _without_touches(by_thresholds(t_s, p, 0.5, 0.5, round(float(p[0]))))
         gaps_s = np.diff(steps.time_s, prepend=-1.0)
         made.append(
             Steps(steps.time_s - random.uniform(0.0, 1.0, gaps_s.size) * np.minimum(early_s, gaps_s / 2), steps.signs)
         )
     return made
+
+
+def _without_touches(steps: Steps) -> Steps:
+    """Return steps without those that are taken back within 0.75 ms, where an axis turns at a threshold."""
+    back = np.flatnonzero((np.diff(steps.time_s) < 7.5e-4) & (np.diff(steps.signs) != 0))
+    gone = np.union1d(back, back + 1)
+    return Steps(np.delete(steps.time_s, gone), np.delete(steps.signs, gone))
 
 
 def klipper(drawn: Drawn, per_mm: float, random: np.random.Generator) -> list[Steps]:
@@ -298,12 +305,12 @@ CANCELLING = ("lost and extra", "lost both ways")
 RULES_MADE = tuple(CONTROLLERS_MADE)
 
 
-def made_case(seed: int, fault: str = "", rule: str = "") -> Case:
+def made_case(seed: int, fault: str = "", rule: str = "", size: float = 8.0) -> Case:
     """Return a capture of a random path, law, controller, sampling rate, drift and jitter, with a fault or none."""
     random = np.random.default_rng(seed)
-    path = random_path(random)
+    path = random_path(random, size)
     while fault in ("swapped", "two axes lose 1") and path[0].shape[1] < 2:
-        path = random_path(random)
+        path = random_path(random, size)
     rule = rule or RULES_MADE[seed % len(RULES_MADE)]
     law = Law(random.uniform(20.0, 150.0), random.uniform(300.0, 4000.0))
     per_mm = float(random.choice([80.0, 100.0, 160.0]))
