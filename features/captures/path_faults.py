@@ -20,8 +20,6 @@ _LAYERS: Final = (1, 3, 10)
 """Pulses in a row that may be lost or extra, tried one after another."""
 _LAYERS_MAX: Final = 300
 """Most of them, if the count at the end says how many."""
-_AHEAD_STEPS: Final = 4.0
-"""Distance up to which a path is walked on from where it was left."""
 _ALL_RIGHT: Final = 2
 _SETS_MAX: Final = 4_000_000
 """Sets of places that are kept at once, by events and pulses, which bounds the memory."""
@@ -113,10 +111,11 @@ class Walk:
         """Return the counts after an event."""
         return counts_after(self.events.changes, event, self.rule.start(self.points[:, 0]))
 
-    def at(self, place: float) -> FloatArray:
-        """Return the axes' positions at a place."""
+    def steps_between(self, begin: float, end: float) -> float:
+        """Return how many steps all axes go between two places."""
         vertices = np.arange(self.points.shape[1])
-        return np.array([np.interp(place, vertices, points) for points in self.points])
+        places = np.concatenate(([begin], vertices[(vertices > begin) & (vertices < end)], [end]))
+        return sum(float(np.abs(np.diff(np.interp(places, vertices, points))).sum()) for points in self.points)
 
     def right_at_the_end(self, off: FloatArray) -> BoolArray:
         """Return which axes' last counts are right, if they are corrected."""
@@ -184,10 +183,11 @@ def faults(walk: Walk) -> list[Fault]:
         if leap is None:
             return [*found, Fault(FaultKind.LEAVES, events=(at, at), places=(place, walk.end))]
         event, begin, more = leap
-        is_ahead = float(np.abs(walk.at(begin[0]) - walk.at(place)).max()) > _AHEAD_STEPS
+        made = int(np.abs(walk.events.changes[at:event]).sum(dtype=np.int64))
+        is_shorter = made < walk.steps_between(place, begin[0])
         axis = int(np.abs(more).argmax()) if more.any() else -1
         steps = -int(more[axis]) if more.any() else 0
-        kind = FaultKind.LOST_OR_EXTRA if steps else FaultKind.LEFT_OUT if is_ahead else FaultKind.DETOUR
+        kind = FaultKind.LOST_OR_EXTRA if steps else FaultKind.LEFT_OUT if is_shorter else FaultKind.DETOUR
         found.append(Fault(kind, axis, steps, (at, event), (place, max(begin[0], place))))
         off += more
 
