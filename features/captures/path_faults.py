@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from steptwin.features.captures.path_walk import Events, Reach, agreeing, counts_after, reach, reach_back
+from steptwin.features.captures.path_walk import Events, ReachedPlaces, agreeing, counts_after, reach, reach_back
 from steptwin.features.captures.step_rules import StepRule
 from steptwin.host.common.arrays import BoolArray, FloatArray, Int64Array
 
@@ -20,6 +20,8 @@ _LAYERS: Final = (1, 3, 10)
 """Pulses in a row that may be lost or extra, tried one after another."""
 _LAYERS_MAX: Final = 300
 """Most of them, if the count at the end says how many."""
+_LONGER_STEPS: Final = 8.0
+"""By how many steps a detour is longer than the part of the path in place of which it is."""
 _ALL_RIGHT: Final = 2
 _SETS_MAX: Final = 4_000_000
 """Sets of places that are kept at once, by events and pulses, which bounds the memory."""
@@ -55,7 +57,7 @@ WHOLE: Final = frozenset(list(FaultKind)[list(FaultKind).index(FaultKind.NOTHING
 """Faults of whole axes, and further ones: they have no place."""
 
 
-class Fault(NamedTuple):
+class PathFault(NamedTuple):
     """A fault.
 
     Attributes:
@@ -121,12 +123,12 @@ class Walk:
         """Return which axes' last counts are right, if they are corrected."""
         return self.rule.rests(self.count(len(self.events.changes)) + off, self.points[:, -1])
 
-    def reach(self, event: int, off: FloatArray, begin: tuple[float, float], until: int | None = None) -> Reach:
+    def reach(self, event: int, off: FloatArray, begin: tuple[float, float], until: int | None = None) -> ReachedPlaces:
         """Return where the machine may be after an event and those behind it."""
         changes = self.events.changes[event:until]
         return reach(self.middle, self.half_steps, changes, self.count(event) + off, begin)
 
-    def is_whole(self, reached: Reach) -> bool:
+    def is_whole(self, reached: ReachedPlaces) -> bool:
         """Return whether all events were walked, and the path to its end."""
         last = len(reached.lows) - 1
         return reached.events() == last and reached.at(last)[1] >= self.end - _ROUNDING
@@ -140,7 +142,7 @@ class Walk:
             and not any(self.wrong_turns())
         )
 
-    def wrong_turns(self) -> Iterator[Fault]:
+    def wrong_turns(self) -> Iterator[PathFault]:
         """Yield each turning point of an axis at which its count is not that of the path."""
         counts = self.rule.start(self.points[:, 0])
         for axis, points in enumerate(self.points):
@@ -154,12 +156,12 @@ class Walk:
                 off = round(float(made[turned[i]] - points[planned[i]]))
                 event = int(own[turned[i] - 1]) + 1
                 place = float(planned[i])
-                yield Fault(FaultKind.TURN, axis, off, (event, event), (place, place))
+                yield PathFault(FaultKind.TURN, axis, off, (event, event), (place, place))
 
 
-def faults(walk: Walk) -> list[Fault]:
+def faults(walk: Walk) -> list[PathFault]:
     """Return what explains that the events do not walk the path, in order; empty if they do."""
-    found: list[Fault] = []
+    found: list[PathFault] = []
     off, event, begin = np.zeros(len(walk.points)), 0, (0.0, 0.0)
     while True:
         reached = walk.reach(event, off, begin)
@@ -167,7 +169,7 @@ def faults(walk: Walk) -> list[Fault]:
         if whole and walk.right_at_the_end(off).all():
             return found or list(walk.wrong_turns())[:FAULTS_MAX]
         if len(found) == FAULTS_MAX:
-            return [*found, Fault(FaultKind.MORE)]
+            return [*found, PathFault(FaultKind.MORE)]
         stop = reached.events()
         if jump := _jump(walk, event, off, reached, whole=whole):
             fault, begin = jump
@@ -181,27 +183,27 @@ def faults(walk: Walk) -> list[Fault]:
             return [*found, *_at_the_end(walk, off, place, whole=whole)]
         leap = _leap(walk, at, off, place)
         if leap is None:
-            return [*found, Fault(FaultKind.LEAVES, events=(at, at), places=(place, walk.end))]
+            return [*found, PathFault(FaultKind.LEAVES, events=(at, at), places=(place, walk.end))]
         event, begin, more = leap
         made = int(np.abs(walk.events.changes[at:event]).sum(dtype=np.int64))
-        is_shorter = made < walk.steps_between(place, begin[0])
+        is_longer = made > walk.steps_between(place, begin[0]) + _LONGER_STEPS
         axis = int(np.abs(more).argmax()) if more.any() else -1
         steps = -int(more[axis]) if more.any() else 0
-        kind = FaultKind.LOST_OR_EXTRA if steps else FaultKind.LEFT_OUT if is_shorter else FaultKind.DETOUR
-        found.append(Fault(kind, axis, steps, (at, event), (place, max(begin[0], place))))
+        kind = FaultKind.LOST_OR_EXTRA if steps else FaultKind.DETOUR if is_longer else FaultKind.LEFT_OUT
+        found.append(PathFault(kind, axis, steps, (at, event), (place, max(begin[0], place))))
         off += more
 
 
-def _at_the_end(walk: Walk, off: FloatArray, place: float, *, whole: bool) -> Iterator[Fault]:
+def _at_the_end(walk: Walk, off: FloatArray, place: float, *, whole: bool) -> Iterator[PathFault]:
     """Yield what is wrong where nothing explains wrong counts at the end, or that the path's end is not reached."""
     last = len(walk.events.changes)
     if not whole:
-        yield Fault(FaultKind.UNFINISHED, events=(last, last), places=(place, walk.end))
+        yield PathFault(FaultKind.UNFINISHED, events=(last, last), places=(place, walk.end))
         return
     counts, positions = walk.count(last) + off, walk.points[:, -1]
     for axis in np.flatnonzero(~walk.rule.rests(counts, positions)).tolist():
         steps = round(float(counts[axis] - positions[axis]))
-        yield Fault(FaultKind.END, axis, steps, (last, last), (walk.end, walk.end))
+        yield PathFault(FaultKind.END, axis, steps, (last, last), (walk.end, walk.end))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -222,14 +224,14 @@ class _Trial:
     sign: int
     count: int
     event: int
-    reached: Reach
+    reached: ReachedPlaces
     alive: int
     ends: int
 
 
 def _jump(
-    walk: Walk, event: int, off: FloatArray, reached: Reach, *, whole: bool
-) -> tuple[Fault, tuple[float, float]] | None:
+    walk: Walk, event: int, off: FloatArray, reached: ReachedPlaces, *, whole: bool
+) -> tuple[PathFault, tuple[float, float]] | None:
     """Return the pulses, lost or extra, that explain most, and the places behind them; None if none explain enough.
 
     The counts at the end say which axis is short, if it is only one. Where the whole path was walked, none else is.
@@ -277,7 +279,7 @@ def _trials(
         yield _Trial(axis, sign, count, event, reached, event + alive, ends)
 
 
-def _located(walk: Walk, off: FloatArray, trial: _Trial) -> tuple[Fault, tuple[float, float]]:
+def _located(walk: Walk, off: FloatArray, trial: _Trial) -> tuple[PathFault, tuple[float, float]]:
     """Return the fault between the first and the last event that it may come behind, and the places behind it."""
     axis, sign, count, event, reached = trial.axis, trial.sign, trial.count, trial.event, trial.reached
     alive = trial.alive - event
@@ -306,11 +308,11 @@ def _located(walk: Walk, off: FloatArray, trial: _Trial) -> tuple[Fault, tuple[f
     low = max(reached.at(a)[0], float(back.lows[a : a + 2, 1].min()))
     high = min(reached.at(b, count - 1)[1], float(back.highs[b : b + 2, count].max()))
     places = (low, max(low, high))
-    fault = Fault(kind, axis, steps, (event + a, event + behind - 1), places, pulse_s, sign=way)
+    fault = PathFault(kind, axis, steps, (event + a, event + behind - 1), places, pulse_s, sign=way)
     return fault, reached.at(behind, count)
 
 
-def _meeting(forward: Reach, layer: int, back: Reach, next_layer: int) -> Int64Array:
+def _meeting(forward: ReachedPlaces, layer: int, back: ReachedPlaces, next_layer: int) -> Int64Array:
     """Return the events behind which a pulse may be lost, or the next of which may be an extra one."""
 
     def overlap(later: int) -> Int64Array:
@@ -382,13 +384,13 @@ def _leap(walk: Walk, at: int, off: FloatArray, place: float) -> tuple[int, tupl
     return None
 
 
-def gross_faults(walk: Walk) -> list[Fault]:
+def gross_faults(walk: Walk) -> list[PathFault]:
     """Return what is wrong with whole axes, by their runs between turning points.
 
     An axis may be dead, go another one's path, turn the other way, or be of another scale.
     """
     if not walk.events.changes.any():
-        return [Fault(FaultKind.NOTHING)]
+        return [PathFault(FaultKind.NOTHING)]
     axes = range(len(walk.points))
     planned = [_runs(points) for points in walk.points]
     made = [_runs(np.cumsum(np.append(0.0, changes))) for changes in walk.events.changes.T]
@@ -398,13 +400,13 @@ def gross_faults(walk: Walk) -> list[Fault]:
         own = scales[i][i]
         others = [j for j in axes if j != i and _is_one(scales[i][j]) and _is_one(scales[j][i])]
         if not made[i].size and np.abs(planned[i]).sum() > _DEAD_STEPS:
-            found.append(Fault(FaultKind.DEAD, i))
+            found.append(PathFault(FaultKind.DEAD, i))
         elif others and not _is_one(own):
-            found += [Fault(FaultKind.SWAPPED, i, other=others[0])] if i < others[0] else []
+            found += [PathFault(FaultKind.SWAPPED, i, other=others[0])] if i < others[0] else []
         elif own is not None and abs(own + 1.0) < _SCALE_OFF:
-            found.append(Fault(FaultKind.INVERTED, i))
+            found.append(PathFault(FaultKind.INVERTED, i))
         elif own is not None and not _is_one(own) and np.abs(planned[i]).sum() > _SCALED_STEPS:
-            found.append(Fault(FaultKind.SCALED, i, scale=own))
+            found.append(PathFault(FaultKind.SCALED, i, scale=own))
     return found
 
 

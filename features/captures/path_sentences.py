@@ -3,7 +3,7 @@
 from typing import Final, NamedTuple
 
 from steptwin.features.captures.motor_path import MotorPath
-from steptwin.features.captures.path_faults import WHOLE, Fault, FaultKind
+from steptwin.features.captures.path_faults import WHOLE, FaultKind, PathFault
 from steptwin.features.captures.path_walk import Events
 from steptwin.features.captures.step_rules import StepRule
 
@@ -21,14 +21,14 @@ class Named(NamedTuple):
     both_edges: bool
 
 
-def window_s(events: Events, fault: Fault) -> tuple[float, float]:
+def window_s(events: Events, fault: PathFault) -> tuple[float, float]:
     """Return the instants of the last event surely before a fault and of the first surely behind it."""
     last = len(events.time_s) - 1
     begin, end = fault.events
     return float(events.time_s[min(max(begin - 1, 0), last)]), float(events.time_s[min(end, last)])
 
 
-def sentence(fault: Fault, named: Named) -> str:
+def sentence(fault: PathFault, named: Named) -> str:
     """Return the sentence for a fault."""
     axis, other = named.names[fault.axis], named.names[fault.other]
     where = "" if fault.kind in WHOLE else _where(fault, named)
@@ -66,7 +66,7 @@ def _belts(named: Named) -> str:
     return "; of CoreXY the second motor goes y - x here, x - y with Klipper, grbl, Marlin and LinuxCNC"
 
 
-def _pulses(fault: Fault) -> str:
+def _pulses(fault: PathFault) -> str:
     count = abs(fault.steps)
     if fault.kind is FaultKind.LOST_OR_EXTRA:
         way = ("up", "down") if fault.steps < 0 else ("down", "up")
@@ -80,14 +80,14 @@ def _steps(count: int) -> str:
     return "step" if count == 1 else "steps"
 
 
-def _off(fault: Fault) -> str:
+def _off(fault: PathFault) -> str:
     """Return by how much a count is off; one within a step of the plan is off by the rule alone."""
     if not fault.steps:
         return "within a step of the plan, but not where its step rule says"
     return f"{abs(fault.steps)} {_steps(abs(fault.steps))} {'above' if fault.steps > 0 else 'below'} the plan"
 
 
-def _where(fault: Fault, named: Named) -> str:
+def _where(fault: PathFault, named: Named) -> str:
     """Return the time and the place of a fault."""
     begin_s, end_s = window_s(named.events, fault)
     if fault.pulse_s is not None:

@@ -15,7 +15,7 @@ from steptwin.features.captures.channel_map import AxisSignals
 from steptwin.features.captures.drivers_seen import at_active_edges, drivers_of
 from steptwin.features.captures.judging import AloneRun, CaptureJudge, judge_alone
 from steptwin.features.captures.motor_path import MotorPath, motor_path
-from steptwin.features.captures.path_faults import WHOLE, Fault, FaultKind, Walk, faults, gross_faults
+from steptwin.features.captures.path_faults import WHOLE, FaultKind, PathFault, Walk, faults, gross_faults
 from steptwin.features.captures.path_sentences import HIDDEN, Named, sentence, window_s
 from steptwin.features.captures.path_walk import Events, events_of
 from steptwin.features.captures.step_rules import ESTIMATES, Rest, StepRule
@@ -55,7 +55,7 @@ class PathVerdict:
     rule: StepRule
     estimated: bool
     half_steps: float
-    faults: tuple[Fault, ...]
+    faults: tuple[PathFault, ...]
     path: MotorPath
     events: Events
     names: tuple[str, ...]
@@ -79,7 +79,7 @@ class PathVerdict:
         between = "; and by this rule one step lost or extra, if its axis ends between two steps"
         return HIDDEN + (between if self.rule.rest is Rest.WHOLE else "")
 
-    def window_s(self, fault: Fault) -> tuple[float, float]:
+    def window_s(self, fault: PathFault) -> tuple[float, float]:
         """Return the instants of the last event surely before a fault, and of the first one surely after it."""
         return window_s(self.events, fault)
 
@@ -109,7 +109,7 @@ class PathVerdict:
             "faults": [self._fault(fault, reason) for fault, reason in zip(self.faults, self.reasons, strict=True)],
         }
 
-    def _fault(self, fault: Fault, reason: str) -> dict[str, Any]:
+    def _fault(self, fault: PathFault, reason: str) -> dict[str, Any]:
         placed = fault.kind not in WHOLE
         begin_s, end_s = window_s(self.events, fault) if placed else (None, None)
         return {
@@ -251,12 +251,12 @@ def _likely_begin(walk: Walk, begins: Sequence[int]) -> int:
 
 def _explained(
     walks: Sequence[Walk], signals: Sequence[AxisSignals], *, both_edges: bool
-) -> tuple[Walk, Sequence[Fault]]:
+) -> tuple[Walk, Sequence[PathFault]]:
     """Return the faults by the rule with the fewest, those of whole axes first."""
     gross = gross_faults(walks[0])
     halved = [fault for fault in gross if fault.kind is FaultKind.SCALED and abs(fault.scale - 0.5) < 0.02]
     if halved and len(halved) == len(gross) and not both_edges and all(_is_symmetric(each) for each in signals):
-        return walks[0], [Fault(FaultKind.BOTH_EDGES)]
+        return walks[0], [PathFault(FaultKind.BOTH_EDGES)]
     if any(fault.kind is not FaultKind.SCALED or abs(fault.scale - 1.0) > _MANY_LOST for fault in gross):
         return walks[0], gross
     found = [(walk, faults(walk)) for walk in walks]
@@ -265,7 +265,7 @@ def _explained(
     return (walks[0], gross) if gross and not is_one else (walk, fewest)
 
 
-def _unlikely(found: Sequence[Fault]) -> tuple[int, int]:
+def _unlikely(found: Sequence[PathFault]) -> tuple[int, int]:
     """Return how unlikely faults are: pulses are more likely than others, and one fault than more."""
     return sum(fault.kind not in _PULSES for fault in found), len(found)
 

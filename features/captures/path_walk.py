@@ -31,7 +31,7 @@ _LONG: Final = 200_000
 """Number of sets from which on to load numba takes less time than it saves."""
 
 
-class Reach(NamedTuple):
+class ReachedPlaces(NamedTuple):
     """Places that may be reached after each event, by their hulls; an empty set has a low above its high.
 
     Attributes:
@@ -61,7 +61,7 @@ def reach(
     axis: int = 0,
     sign: int = 1,
     layers: int = 0,
-) -> Reach:
+) -> ReachedPlaces:
     """Return where the machine may be after each event.
 
     Args:
@@ -75,7 +75,7 @@ def reach(
         layers: most of them; 0 for none.
     """
     shape = len(changes) + 1, layers + 1
-    found = Reach(np.ones(shape), np.zeros(shape))
+    found = ReachedPlaces(np.ones(shape), np.zeros(shape))
     is_long = len(changes) * (layers + 1) >= _LONG or compiled_walk.cache_info().currsize > 0
     if is_long and find_spec("numba"):
         steps: Any = changes
@@ -83,12 +83,12 @@ def reach(
         return found
     lows, highs = found.lows.tolist(), found.highs.tolist()
     walk(points.tolist(), half, changes.tolist(), count.tolist(), begin, axis, sign, lows, highs)
-    return Reach(np.array(lows), np.array(highs))
+    return ReachedPlaces(np.array(lows), np.array(highs))
 
 
 def reach_back(
     points: FloatArray, half: float, changes: Int8Array, count: FloatArray, end: tuple[float, float], **lost: int
-) -> Reach:
+) -> ReachedPlaces:
     """Return from where the end can be reached, before each event: `count` and `end` are those after the last one.
 
     Of the layers the last one holds at the end, as for `reach`.
@@ -100,7 +100,7 @@ def reach_back(
     empty = back.highs < back.lows
     lows, highs = last - back.highs, last - back.lows
     lows[empty], highs[empty] = 1.0, 0.0
-    return Reach(lows[::-1, ::-1], highs[::-1, ::-1])
+    return ReachedPlaces(lows[::-1, ::-1], highs[::-1, ::-1])
 
 
 def agreeing(points: FloatArray, half: float, count: FloatArray, begin: float) -> list[tuple[float, float]]:
