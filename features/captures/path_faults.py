@@ -241,7 +241,8 @@ def _jump(
     own = [(axis, int(np.sign(short[axis])), int(abs(short[axis]))) for axis in np.flatnonzero(short).tolist()]
     both = [(axis, sign) for axis in range(len(off)) for sign in (1, -1) if not whole or short[axis] * sign > 0.0]
     tries = [[(axis, sign, layers) for axis, sign in both] for layers in _LAYERS]
-    tries.append([each for each in own if each[2] > _LAYERS[-1]])
+    if event + stop < last:
+        tries.append([each for each in own if each[2] > _LAYERS[-1]])
     if len(own) == 1:
         tries.insert(0, own)
     for tried in tries:
@@ -292,11 +293,14 @@ def _located(walk: Walk, off: FloatArray, trial: _Trial) -> tuple[PathFault, tup
     last = _meeting(reached, count - 1, back, count)
     a, b = int(first[0]), max(int(last[-1]), int(first[0]))
     behind = min(b + 1, alive)
-    steps, pulses = -sign * count, walk.events.changes[event + max(a - 3, 0) : event + b + 4, axis]
+    own = np.flatnonzero(walk.events.changes[:, axis])
+    window = slice(*np.searchsorted(own, (event + a, event + b + 1)).tolist())
+    pulses = walk.events.changes[own[max(window.start - 1, 0) : window.stop + 1], axis]
     up, down = int((pulses > 0).sum()), int((pulses < 0).sum())
     both = min(up, down) > 0.02 * max(up, down)
     ways = [sign, -sign] if both else [1 if up >= down else -1]
-    seen = {way: at_s for way in ways if (at_s := _pulse(walk.events, axis, (event + a, event + b), trial, way))}
+    near = own[max(window.start - 4, 0) : window.stop + 4]
+    seen = {way: at_s for way in ways if (at_s := _pulse(walk.events, near, (event + a, event + b), trial, way))}
     if len(seen) == 1 or not both:
         way = next(iter(seen), ways[0])
         kind = FaultKind.LOST if way == sign else FaultKind.EXTRA
@@ -308,7 +312,7 @@ def _located(walk: Walk, off: FloatArray, trial: _Trial) -> tuple[PathFault, tup
     low = max(reached.at(a)[0], float(back.lows[a : a + 2, 1].min()))
     high = min(reached.at(b, count - 1)[1], float(back.highs[b : b + 2, count].max()))
     places = (low, max(low, high))
-    fault = PathFault(kind, axis, steps, (event + a, event + behind - 1), places, pulse_s, sign=way)
+    fault = PathFault(kind, axis, -sign * count, (event + a, event + behind - 1), places, pulse_s, sign=way)
     return fault, reached.at(behind, count)
 
 
@@ -327,18 +331,17 @@ def _meeting(forward: ReachedPlaces, layer: int, back: ReachedPlaces, next_layer
     return np.union1d(overlap(0), overlap(1))
 
 
-def _pulse(events: Events, axis: int, window: tuple[int, int], trial: _Trial, way: int) -> float | None:
-    """Return when the pulse is missing or too many, if one interval between pulses of the axis says so.
+def _pulse(events: Events, near: Int64Array, window: tuple[int, int], trial: _Trial, way: int) -> float | None:
+    """Return when a pulse is missing or too many, if one interval between the pulses near it says so.
 
     Around lost ones it is longer than its neighbours by so many intervals; around an extra one there are two for one.
     """
-    begin = max(window[0] - 6, 0)
-    near = begin + np.flatnonzero(events.changes[begin : window[1] + 8, axis])
+    axis = trial.axis
     if near.size < 6:
         return None
     gap = np.diff(events.time_s[near])
     same = events.changes[near[1:], axis] == events.changes[near[:-1], axis]
-    inside = (near[1:] > window[0]) & (near[1:] <= window[1] + 2) & (events.changes[near[1:], axis] == way) & same
+    inside = (near[1:] > window[0]) & (near[:-1] <= window[1]) & (events.changes[near[1:], axis] == way) & same
     before, middle, after = gap[:-2], gap[1:-1], gap[2:]
     if way == trial.sign:
         times = trial.count + 1

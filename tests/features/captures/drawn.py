@@ -328,7 +328,8 @@ def made_case(seed: int, fault: str = "", rule: str = "", size: float = 8.0) -> 
 
 
 def _damaged(steps: list[Steps], fault: str, random: np.random.Generator) -> tuple[list[Steps], tuple[int, int, float]]:
-    long = [axis for axis, own in enumerate(steps) if own.time_s.size > 100]
+    turning = fault == "lost both ways"
+    long = [axis for axis, own in enumerate(steps) if own.time_s.size > 100 and (np.ptp(own.signs) or not turning)]
     axis = int(random.choice(long))
     own = steps[axis]
     first = int(random.integers(own.time_s.size - 50))
