@@ -155,7 +155,7 @@ def _verify_path(answer: AnswerOptions, options: CaptureOptions, path: Path) -> 
     """Verify a capture beside the path of a plan; return whether it passed."""
     from steptwin.features.captures.path_verdict import judge_by_path
     from steptwin.features.captures.reading import read_capture
-    from steptwin.features.captures.step_rules import controller
+    from steptwin.features.captures.step_rules import CONTROLLERS, controller
 
     for name, given in (
         ("--out", options.out is not None),
@@ -165,6 +165,9 @@ def _verify_path(answer: AnswerOptions, options: CaptureOptions, path: Path) -> 
         if given:
             raise InputError(f"{name}: is for --plan; --path has no time law")
     rule = None if options.controller is None else controller(options.controller)
+    if options.both_edges and rule is not None and not rule.both_edges:
+        able = ", ".join(name for name, each in CONTROLLERS.items() if each.both_edges)
+        raise InputError(f"--both-edges: {rule.name} steps at one edge of STEP; at both may {able}")
     judge = options.judge()
     with _naming():
         robot, job, motion = _planned(options, path, "--path")

@@ -280,8 +280,11 @@ def _trials(
         yield _Trial(axis, sign, count, event, reached, event + alive, ends)
 
 
-def _located(walk: Walk, off: FloatArray, trial: _Trial) -> tuple[PathFault, tuple[float, float]]:
-    """Return the fault between the first and the last event that it may come behind, and the places behind it."""
+def _located(walk: Walk, off: FloatArray, trial: _Trial) -> tuple[PathFault, tuple[float, float]] | None:
+    """Return the fault between the first and the last event that it may come behind, and the places behind it.
+
+    None if its pulses have no place, which hulls instead of sets of places hide.
+    """
     axis, sign, count, event, reached = trial.axis, trial.sign, trial.count, trial.event, trial.reached
     alive = trial.alive - event
     corrected = walk.count(trial.alive) + off
@@ -291,6 +294,8 @@ def _located(walk: Walk, off: FloatArray, trial: _Trial) -> tuple[PathFault, tup
     back = reach_back(walk.middle, walk.half_steps, changes, corrected, goal, axis=axis, sign=sign, layers=count)
     first = _meeting(reached, 0, back, 1)
     last = _meeting(reached, count - 1, back, count)
+    if not (first.size and last.size):
+        return None
     a, b = int(first[0]), max(int(last[-1]), int(first[0]))
     behind = min(b + 1, alive)
     own = np.flatnonzero(walk.events.changes[:, axis])
@@ -320,13 +325,10 @@ def _meeting(forward: ReachedPlaces, layer: int, back: ReachedPlaces, next_layer
     """Return the events behind which a pulse may be lost, or the next of which may be an extra one."""
 
     def overlap(later: int) -> Int64Array:
-        ahead, behind = slice(0, len(back.lows) - later), slice(later, None)
-        low = np.maximum(forward.lows[: len(back.lows)][ahead, layer], back.lows[behind, next_layer])
-        high = np.minimum(forward.highs[: len(back.lows)][ahead, layer], back.highs[behind, next_layer])
-        there = forward.highs[: len(back.lows)][ahead, layer] >= forward.lows[: len(back.lows)][ahead, layer]
-        return np.flatnonzero(
-            there & (back.highs[behind, next_layer] >= back.lows[behind, next_layer]) & (low <= high + _ROUNDING)
-        )
+        low, high = (bounds[: len(back.lows) - later, layer] for bounds in forward)
+        next_low, next_high = (bounds[later:, next_layer] for bounds in back)
+        met = np.maximum(low, next_low) <= np.minimum(high, next_high) + _ROUNDING
+        return np.flatnonzero(met & (low <= high) & (next_low <= next_high))
 
     return np.union1d(overlap(0), overlap(1))
 

@@ -255,7 +255,8 @@ def _explained(
     """Return the faults by the rule with the fewest, those of whole axes first."""
     gross = gross_faults(walks[0])
     halved = [fault for fault in gross if fault.kind is FaultKind.SCALED and abs(fault.scale - 0.5) < 0.02]
-    if halved and len(halved) == len(gross) and not both_edges and all(_is_symmetric(each) for each in signals):
+    may_halve = walks[0].rule.both_edges and not both_edges
+    if halved and len(halved) == len(gross) and may_halve and all(_is_symmetric(each) for each in signals):
         return walks[0], [PathFault(FaultKind.BOTH_EDGES)]
     if any(fault.kind is not FaultKind.SCALED or abs(fault.scale - 1.0) > _MANY_LOST for fault in gross):
         return walks[0], gross

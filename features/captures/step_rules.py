@@ -35,7 +35,7 @@ class StepRule:
         turn_steps: largest distance of the count where an axis turns around, from that at standstill.
         early_s: how much too early a step may come; adds to `half_steps` in proportion to the step rate.
         chord_mm: distance of the chords from the arcs for which it goes them; adds to `half_steps` on curved paths.
-        both_edges: True if the controller may step at both edges of STEP.
+        both_edges: False if the controller never steps at both edges of STEP.
         says: what makes a step, and its jitter.
         source: where that is written.
     """
@@ -47,7 +47,7 @@ class StepRule:
     turn_steps: float = 1.07
     early_s: float = 0.0
     chord_mm: float = 0.0
-    both_edges: bool = False
+    both_edges: bool = True
     says: str
     source: str
 
@@ -100,12 +100,12 @@ CONTROLLERS: Final = {
             half_steps=0.56,
             turn_steps=0.80,
             early_s=25e-6,
-            both_edges=True,
             says="nearest step; its compression sends a step up to 25 us early, never late",
             source="Klipper 84104bbb: klippy/chelper/itersolve.c, stepcompress.c; klippy/stepper.py",
         ),
         StepRule(
             name="grbl",
+            both_edges=False,
             half_steps=1.20,
             chord_mm=0.002,
             says="Bresenham between rounded targets, in segments of 10 ms of one rate; arcs are chords of $12",
@@ -126,6 +126,7 @@ CONTROLLERS: Final = {
         ),
         StepRule(
             name="linuxcnc",
+            both_edges=False,
             half_steps=1.06,
             turn_steps=0.70,
             says="nearest step of the generator's position, on the grid of a base period of 25 to 100 us",

@@ -158,6 +158,10 @@ def test_what_a_capture_holds(carry: Path, capsys: pytest.CaptureFixture[str]) -
         ),
         ([*PATH, "--plan", "out"], "--path teaching-scara carry and --plan out: give only one of them"),
         ([*PATH, "--controller", "smoothie"], "--controller smoothie: there are klipper, grbl, grblhal, marlin, linux"),
+        (
+            [*PATH, "--controller", "grbl", "--both-edges"],
+            "--both-edges: grbl steps at one edge of STEP; at both may klipper, grblhal, marlin, other",
+        ),
         ([*PATH, "--out", "x"], "--out: is for --plan; --path has no time law"),
         ([*PATH, "--tolerance-steps", "2"], "--tolerance-steps: is for --plan; --path has no time law"),
         ([*PATH, "--clock-ppm", "exact"], "--clock-ppm: is for --plan; --path has no time law"),

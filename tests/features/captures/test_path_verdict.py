@@ -9,6 +9,7 @@ from steptwin.features.captures.channel_map import AxisSignals
 from steptwin.features.captures.path_faults import FaultKind
 from steptwin.features.captures.path_verdict import PathVerdict, judge_path
 from steptwin.features.captures.step_rules import CONTROLLERS, ESTIMATES
+from steptwin.host.robots.coupling import Coupling
 from tests.features.captures.controllers import Steps
 from tests.features.captures.drawn import (
     CANCELLING,
@@ -172,6 +173,20 @@ def test_steps_at_both_edges_are_told_and_counted() -> None:
     assert found.reasons[0] == (
         "x makes 2 times the planned steps: its microsteps or steps per unit differ; each edge was counted: leave out"
         " --both-edges"
+    )
+
+
+def test_the_other_sign_of_corexy_is_told() -> None:
+    """Its motors go x + y and y - x here; the second one of Klipper goes x - y."""
+    belts = Coupling.of(("x", "y"), {"x": {"y": 1.0}, "y": {"x": -1.0}})
+    expected = replace(PLAN, coupling=belts)
+    own = Drawn([np.asarray(belts.to_axes(stroke)) for stroke in SQUARE], LAW)
+    a, b = CONTROLLERS_MADE["klipper"](own, PER_MM, np.random.default_rng(1))
+    assert judge_path(signals([a, b], RATE_HZ), expected, RULES["klipper"], 1.0 / RATE_HZ).passed
+    turned = [a, Steps(b.time_s, (-b.signs).astype(np.int8))]
+    assert judge_path(signals(turned, RATE_HZ), expected, RULES["klipper"], 1.0 / RATE_HZ).reasons == (
+        "y turns the other way: invert its DIR in --map; of CoreXY the second motor goes y - x here, x - y with"
+        " Klipper, grbl, Marlin and LinuxCNC",
     )
 
 
