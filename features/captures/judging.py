@@ -109,8 +109,6 @@ class CapturedRun:
     @property
     def other_law(self) -> bool:
         """Whether each axis goes where the plan goes, turn by turn, but not when: by another speed law."""
-        if self.clock.swapped or self.clock.inverted:
-            return False
         pairs = zip(self.comparison.ideal, self.comparison.evidence.axes, strict=True)
         off = [_runs_off(ideal.signs, axis.step_signs) for ideal, axis in pairs]
         if None in off:

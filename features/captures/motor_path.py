@@ -42,12 +42,12 @@ class MotorPath:
             return 0.0
         chords = np.diff(self.expected.forward(self.joints)[:, :3], axis=0)
         length_mm = np.linalg.norm(chords, axis=1)
-        ways = chords[length_mm > _LONG_MM] / length_mm[length_mm > _LONG_MM, np.newaxis]
-        cosines = (ways[:-1] * ways[1:]).sum(axis=1)
-        if not np.any((cosines > _CURVE) & (cosines < _LINE)):
-            return 0.0
         moved = length_mm > _LONG_MM
-        return float((np.abs(np.diff(self.points))[:, moved] / length_mm[moved]).max())
+        ways = chords[moved] / length_mm[moved, np.newaxis]
+        cosines = (ways[:-1] * ways[1:]).sum(axis=1)
+        curved = (cosines > _CURVE) & (cosines < _LINE)
+        steps_per_mm = np.abs(np.diff(self.points))[:, moved] / length_mm[moved]
+        return float(steps_per_mm[:, :-1][:, curved].max(initial=0.0))
 
     def joints_at(self, place: float) -> FloatArray:
         """Return the joints' positions at a place."""

@@ -260,10 +260,22 @@ def _explained(
         return walks[0], [PathFault(FaultKind.BOTH_EDGES)]
     if any(fault.kind is not FaultKind.SCALED or abs(fault.scale - 1.0) > _MANY_LOST for fault in gross):
         return walks[0], gross
-    found = [(walk, faults(walk)) for walk in walks]
-    walk, fewest = min(found, key=lambda each: (_unlikely(each[1]), each[0].half_steps))
-    is_one = len(fewest) == 1 and fewest[0].kind in _PULSES
-    return (walks[0], gross) if gross and not is_one else (walk, fewest)
+    walk, fewest = _fewest(walks)
+    return (walks[0], gross) if gross and not _is_one_pulse(fewest) else (walk, fewest)
+
+
+def _fewest(walks: Sequence[Walk]) -> tuple[Walk, Sequence[PathFault]]:
+    """Return the fewest faults and their rule, the strictest of equal ones: one fault of pulses is taken at once."""
+    found = []
+    for walk in sorted(walks, key=lambda each: each.half_steps):
+        found.append((walk, faults(walk)))
+        if _is_one_pulse(found[-1][1]):
+            return found[-1]
+    return min(found, key=lambda each: _unlikely(each[1]))
+
+
+def _is_one_pulse(found: Sequence[PathFault]) -> bool:
+    return len(found) == 1 and found[0].kind in _PULSES
 
 
 def _unlikely(found: Sequence[PathFault]) -> tuple[int, int]:

@@ -159,7 +159,7 @@ def thresholds(up: float, down: float, first: Callable[[float], float]) -> "Cont
     def made(drawn: Drawn, per_mm: float, _: np.random.Generator) -> list[Steps]:
         t_s = np.arange(0.0, drawn.duration_s + 2e-5, 2e-5)
         columns = (drawn.positions(t_s) * per_mm).T
-        return [by_thresholds(t_s, p, up, down, int(first(float(p[0]) + 1e-9))) for p in columns]
+        return [_without_touches(by_thresholds(t_s, p, up, down, int(first(float(p[0]) + 1e-9)))) for p in columns]
 
     return made
 
