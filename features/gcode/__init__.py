@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 from steptwin.host.common.features import Feature
 
 if TYPE_CHECKING:
+    from steptwin.features.gcode.options import GcodeOptions
     from steptwin.host.planning.programs.program_file import StepReading
 
 
@@ -17,4 +18,10 @@ def _program_steps() -> "Mapping[str, StepReading]":
     return {"gcode": StepReading(GCODE_KEYS, GcodeStep.read, SUFFIXES)}
 
 
-FEATURE: Final = Feature(name="gcode", needs=("fastest",), program_steps=_program_steps)
+def _file_options() -> "type[GcodeOptions]":
+    from steptwin.features.gcode.options import GcodeOptions
+
+    return GcodeOptions
+
+
+FEATURE: Final = Feature(name="gcode", needs=("fastest",), program_steps=_program_steps, file_options=_file_options)

@@ -13,9 +13,20 @@ from steptwin.features.fastest.contour import Contour, ContourPath
 from steptwin.features.fastest.executed import TimedPath, UntimedError, timed
 from steptwin.features.fastest.pieces import FollowedPath
 from steptwin.features.fastest.worthwhile_stops import StoppingPath, doubtful, worthwhile
-from steptwin.features.gcode.blocks import GcodeBlock, read_blocks
+from steptwin.features.gcode.blocks import GcodeBlock, GcodeFile, read_blocks
 from steptwin.features.gcode.cut_runs import CutRun, Placing, cut_runs
-from steptwin.features.gcode.modal import CutMove, Dwell, GcodeAction, HomeMove, OutputWord, RapidMove, Spot, actions
+from steptwin.features.gcode.dialects import Dialect
+from steptwin.features.gcode.modal import (
+    CornerMode,
+    CutMove,
+    Dwell,
+    GcodeAction,
+    HomeMove,
+    OutputWord,
+    RapidMove,
+    Spot,
+    actions,
+)
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import prefixed, shortened, unknown
 from steptwin.host.common.errors import InputError
@@ -37,9 +48,16 @@ if TYPE_CHECKING:
     from steptwin.features.fastest.contour import Contour
     from steptwin.host.planning.programs.names import Names
 
-GCODE_KEYS: Final = ("frame", "tool_mm", "feed_max_mm_s", "blend_mm", "speed_percent", "outputs")
+GCODE_KEYS: Final = (
+    *("dialect", "ignore"),
+    *("frame", "tool_mm", "feed_max_mm_s", "blend_mm", "speed_percent", "outputs"),
+)
 """Keys of the step beside `gcode`."""
 
+PASSES_MM: Final = 0.05
+"""Distance at which a path in a dialect passes its corners where neither file nor step says how."""
+_MERGE_MM: Final = 0.01
+"""Distance within which short lines of such a path are taken for one line."""
 _OUTPUT_KEY: Final = re.compile(r"M[3478]|P(0|[1-9][0-9]{0,2})")
 
 
@@ -49,21 +67,21 @@ class GcodeStep:
 
     Attributes:
         file: the file's name, as the program has it.
-        blocks: its lines.
+        content: what is in it.
         frame: where its coordinates are.
         tool_mm: length of what the robot's tool holds, along the frame's z axis.
         feed_max_mm_s: highest feed; infinite without.
-        blend_mm: rounding of corners of which the file says nothing; 0 stops there.
+        blend_mm: rounding of corners of which the file says nothing; 0 stops there; None for the dialect's usual way.
         outputs: the robot's output for each word.
         pace: pace of G0.
     """
 
     file: str
-    blocks: tuple[GcodeBlock, ...] = field(repr=False)
+    content: GcodeFile = field(repr=False)
     frame: WorkFrame
     tool_mm: float
     feed_max_mm_s: float
-    blend_mm: float
+    blend_mm: float | None
     outputs: Mapping[str, str]
     pace: JointPace
 
@@ -80,18 +98,21 @@ class GcodeStep:
             if named is None:
                 raise unknown("frame:", table.text("frame"), usual.frames)
             frame = named
-        blend_mm = table.number("blend_mm") if "blend_mm" in table else 0.0
-        check_blend(blend_mm)
+        dialect = table.choice("dialect", Dialect) if "dialect" in table else None
+        ignore = _ignored(table) if "ignore" in table else ()
+        blend_mm = table.number("blend_mm") if "blend_mm" in table else 0.0 if dialect is None else None
+        check_blend(blend_mm or 0.0)
         feed_max_mm_s = table.number("feed_max_mm_s") if "feed_max_mm_s" in table else np.inf
         if not feed_max_mm_s > 0:
             raise InputError(f"feed_max_mm_s: {feed_max_mm_s:g} is not above 0")
         percent = table.number("speed_percent") if "speed_percent" in table else SPEED_PERCENT
         outputs = _outputs(table)
         with prefixed(f"{name}: "):
-            blocks = read_blocks(usual.text_of(name))
-            _check_outputs(blocks, outputs)
+            content = read_blocks(usual.text_of(name), dialect, ignore, outputs)
+            _check_outputs(content.blocks, outputs)
         tool_mm = table.number("tool_mm") if "tool_mm" in table else 0.0
-        return cls(name, blocks, frame, tool_mm, feed_max_mm_s, blend_mm, outputs, JointPace(LawName.FASTEST, percent))
+        pace = JointPace(LawName.FASTEST, percent)
+        return cls(name, content, frame, tool_mm, feed_max_mm_s, blend_mm, outputs, pace)
 
     def __str__(self) -> str:
         return f"gcode {self.file}"
@@ -106,7 +127,7 @@ class GcodeStep:
             raise InputError(f"{names.robot.name} has no tool to lead")
         if kinematics.task is SCARA and not kinematics.attitude_follows:
             return
-        for block in self.blocks:
+        for block in self.content.blocks:
             for word in ("A", "C"):
                 if word in block.numbers:
                     raise InputError(
@@ -122,6 +143,15 @@ class GcodeStep:
         """Return None: where the file ends comes out when it is made."""
         del moves
         return None
+
+
+def _ignored(table: Table) -> tuple[str, ...]:
+    """Return the words that a step ignores besides: a list, or one text with commas."""
+    given = table.values["ignore"]
+    words = given.split(",") if isinstance(given, str) else given
+    if not isinstance(words, list) or not all(isinstance(word, str) and word.strip() for word in words):
+        raise InputError('ignore: is a list of words, such as ["M117", "START_PRINT"]')
+    return tuple(word.strip() for word in words)
 
 
 def _outputs(table: Table) -> dict[str, str]:
@@ -172,7 +202,9 @@ class _Cutting:
     def make(self) -> None:
         moves, placing = self._moves, self._placing
         home = self._kinematics.forward(np.array(self._robot.home)[np.newaxis])[0].tolist()
-        for action in actions(self._step.blocks, self._place, placing.spot(home)):
+        content, step = self._step.content, self._step
+        corner = CornerMode(passes_mm=PASSES_MM, merge_mm=_MERGE_MM) if step.blend_mm is None else CornerMode()
+        for action in actions(content.blocks, self._place, placing.spot(home), content.manners, corner):
             check_planning_time()
             if isinstance(action, CutMove) and self._waits(action):
                 continue
@@ -187,8 +219,9 @@ class _Cutting:
         self._cut()
         moves.leg_times, moves.switched = [], ()
         moves.notes = (
-            f"{len(self._step.blocks)} lines: {_many(self._paths, 'path')} of the tool without a stop,"
+            f"{len(content.blocks)} lines: {_many(self._paths, 'path')} of the tool without a stop,"
             f" {_many(self._corners, 'corner')} rounded, {_many(self._stops, 'stop')} at corners",
+            *content.remarks(),
         )
 
     def _waits(self, move: CutMove) -> bool:
@@ -222,7 +255,7 @@ class _Cutting:
         """Make the moves that wait, without a stop but where corners need it."""
         if not self._waiting:
             return
-        for run in cut_runs(self._waiting, self._placing, self._step.blend_mm):
+        for run in cut_runs(self._waiting, self._placing, self._step.blend_mm or 0.0):
             self._take(run)
         self._waiting.clear()
 

@@ -12,7 +12,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import features, giving
 from steptwin.host.common.file_limits import PROGRAM_BYTES_MAX, STEP_FILES_BYTES_MAX, size_text
 from steptwin.host.common.findings import Findings
-from steptwin.host.common.own_files import read_text
+from steptwin.host.common.own_files import read_old_text, read_text
 from steptwin.host.common.tables import Reading, Table, toml_table
 from steptwin.host.planning.drives import AskedLimits
 from steptwin.host.planning.paths import Smoothing
@@ -101,7 +101,7 @@ class Usual:
     def text_of(self, name: str) -> str:
         """Return the text of a file that a step names; raise InputError if all together are longer than one may be."""
         if self.chars <= STEP_FILES_BYTES_MAX:  # behind that no further file is read
-            text = read_text(str(self.folder / name), STEP_FILES_BYTES_MAX)
+            text = read_old_text(str(self.folder / name), STEP_FILES_BYTES_MAX)
             self.chars += len(text)
             if self.chars <= STEP_FILES_BYTES_MAX:
                 return text
