@@ -126,6 +126,8 @@ def read_blocks(
             block = reader.block(number, line)
             if not block.codes and not block.numbers:
                 continue
+            if ended and dialect is not None and not block.numbers and block.codes.keys() <= {"stops"}:
+                continue
             if ended:
                 raise InputError(f"{line.strip()[:20]!r} is behind the program's end in line {ended}")
             blocks.append(block)
@@ -357,6 +359,10 @@ class _Reader:
             self._count(code, word.why)
         elif word.group == "tool":
             self._set_tool(codes, tool or f"after {self._tool}", code)
+        elif self._dialect is not None and word.group == "motion" and "G80" in (code, codes.get("motion")):
+            if code != "G80":  # beside another motion, G80 only ends a cycle
+                codes["motion"] = code
+            codes.setdefault("motion", code)
         elif word.group in codes:
             raise InputError(f"{code}: beside {codes[word.group]}; a line has one word for {word.group}")
         else:

@@ -587,5 +587,5 @@ def _length_mm(start: Spot, goal: Spot, arc: ArcShape | None) -> float:
     return hypot(radius * arc.sweep_rad, goal[normal] - start[normal])
 
 
-_TAKE_P: Final = ("G4", "M62", "M63", "M64", "M65")
+_TAKE_P: Final = ("G4", "G10", "M62", "M63", "M64", "M65")
 """Codes that a P word must stand beside."""
