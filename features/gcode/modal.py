@@ -252,7 +252,7 @@ class _Modal:
             raise InputError(f"L{numbers['L']:g}: goes with G10")
         others = [name for name in (*_AXES, *_OF_ARCS) if name in numbers]
         if single in _TAKE_AXES and not (single == "G28" and self.manners.is_strict):
-            others = [name for name in others if name in _OF_ARCS]
+            others = [name for name in others if name in _OF_ARCS and (name, single) != ("R", "G10")]
         if single and (others or "motion" in codes):
             raise InputError(f"{single}: beside {(others or [codes['motion']])[0]}; it stands without motion words")
         if "A" in numbers and "C" in numbers:
@@ -312,8 +312,8 @@ class _Modal:
         kind, number = numbers.get("L"), numbers.get("P", 0.0)
         if kind not in (2.0, 20.0):
             raise InputError(f"G10: {f'L{kind:g} is' if kind is not None else 'without L, it is'} not L2 or L20")
-        if "R" in numbers:
-            raise InputError("R: beside G10; coordinates are not turned")
+        if numbers.get("R"):
+            raise InputError(f"R{numbers['R']:g}: beside G10; coordinates are not turned")
         if number not in range(len(_SYSTEMS) + 1):
             raise InputError(f"P{number:g}: a coordinate system has a number from 0 to {len(_SYSTEMS)}")
         system = _SYSTEMS[int(number) - 1] if number else self.system

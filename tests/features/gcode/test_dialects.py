@@ -102,8 +102,7 @@ def treated(code: str, line: str, dialect: Dialect | None) -> str:
     try:
         found = read_blocks(f"G4 P1\n{line}", dialect)
     except InputError as error:
-        assert error.messages[0].startswith(f"line 2: {code}"), error.messages
-        return "R"
+        return "R" if error.messages[0].startswith(f"line 2: {code}") else str(error)
     return "I" if code in found.ignored else "A" if code in found.blocks[-1].codes.values() else "?"
 
 
