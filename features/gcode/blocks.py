@@ -248,7 +248,7 @@ class _Reader:
         if use is not Use.APPLY:
             if code == "G10" and "L" in rest and code not in self._ignore:
                 raise InputError(f"G10: {self.manners.name} retracts the filament; an origin is not set")
-            self._count(code, word.why if use is Use.OUTSIDE else "")
+            self._count(code, word.why if use is Use.NOTE else "")
             return {}, {}
         codes[word.group] = code
         return codes, {} if word.group in ("stops", "outputs") else self._parameters(codes, code, rest)
@@ -259,7 +259,7 @@ class _Reader:
             raise InputError(f"{shortened(name)}: is a macro of Klipper: --dialect klipper, or list it in `ignore`")
         if use is Use.REFUSE:
             raise InputError(f"{shortened(name)}: is a macro, which may move the machine; list it in `ignore`")
-        self._count(name, MACRO_NOTE if use is Use.OUTSIDE else "")
+        self._count(name, MACRO_NOTE if use is Use.NOTE else "")
 
     def _parameters(self, codes: dict[str, str], code: str, rest: str) -> dict[str, float]:
         group = next(iter(codes))
@@ -351,12 +351,12 @@ class _Reader:
 
     def _ignored_row(self, code: str) -> Word | None:
         use, word = self._uses.get(code, (Use.REFUSE, None))
-        return word if use is Use.IGNORE else None
+        return word if use in (Use.IGNORE, Use.NOTE) else None
 
     def _add_code(self, codes: dict[str, str], code: str, tool: str) -> None:
         use, word = self._use(code)
         if use is not Use.APPLY:
-            self._count(code, word.why)
+            self._count(code, word.why if use is Use.NOTE else "")
         elif word.group == "tool":
             self._set_tool(codes, tool or f"after {self._tool}", code)
         elif self._dialect is not None and word.group == "motion" and "G80" in (code, codes.get("motion")):

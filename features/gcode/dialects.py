@@ -26,8 +26,8 @@ class Use(StrEnum):
 
     APPLY = "A"
     IGNORE = "I"
-    OUTSIDE = "O"
-    """The machine moves, but how is not in the file: ignored with a note."""
+    NOTE = "N"
+    """Ignored, with a note about what the file does not say."""
     REFUSE = "R"
     UNKNOWN = "-"
     """The controller does not know the word."""
@@ -92,7 +92,7 @@ WORDS: Final = (
     Word("G5", "motion", "--A-AA"),
     Word("G5.1", "motion", "----AA"),
     Word("G5.2 G5.3", "", "----RR", "a spline with weights is not executed"),
-    Word("G80", "motion", "AIOAAA", "Prusa's firmware probes the bed; these moves are not in the file"),
+    Word("G80", "motion", "AINAAA", "Prusa's firmware probes the bed; these moves are not in the file"),
     Word("G17 G18 G19", "plane", "AAAAAA"),
     Word("G20", "units", "ARAAAA", "Klipper refuses inches"),
     Word("G21", "units", "AAAAAA"),
@@ -104,7 +104,7 @@ WORDS: Final = (
     Word("G95", "", "----RR", _SPINDLE_MOTION),
     Word("G40", "radius of the tool", "AIIAAA"),
     Word("G41 G42", "", "----RR", _TOOL_RADIUS, "D"),
-    Word("G43", "", "----II", "the tool's length is not known, and taken as 0", "H"),
+    Word("G43", "", "----NN", "the tool's length is not known, and taken as 0", "H"),
     Word("G43.1", "length of the tool", "A--AAA"),
     Word("G43.2", "", "----RR", "the tool's length is not known"),
     Word("G49", "length of the tool", "AIIAAA"),
@@ -129,7 +129,7 @@ WORDS: Final = (
     Word("G8 G96 G97", "", "----II", takes="DS"),
     Word("G7 G50 G51", "", "----RR", "places are diameters, or scaled"),
     Word("G98 G99", "", "----II"),
-    Word("G12 G27 G29 G31 G32 G34", "", "-OO---", _PROBES),
+    Word("G12 G27 G29 G31 G32 G34", "", "-NN---", _PROBES),
     Word("G26 G35 G42 G425", "", "--R---", "the machine moves by itself"),
     Word("G33 G76", "", "--R-RR", _SPINDLE_MOTION),
     Word("G38 G38.2 G38.3 G38.4 G38.5", "", "--RRRR", "the machine moves until a probe touches"),
@@ -159,7 +159,7 @@ WORDS: Final = (
     Word("M350 M351", "", "--R---", "it changes the microsteps"),
     Word("M48 M410 M605 M808", "", "--R---", "the machine moves or stops by itself"),
     Word("M112 M999", "", "-RR---", "it stops the machine"),
-    Word("M125 M401 M402 M600 M601 M701 M702", "", "-OO---", "the machine moves by itself; not in the file"),
+    Word("M125 M401 M402 M600 M601 M701 M702", "", "-NN---", "the machine moves by itself; not in the file"),
 )
 """The G and M words of all dialects. A word that a controller does not know is refused if it stops there."""
 
@@ -171,7 +171,7 @@ MACROS: Final[Mapping[Use, str]] = {
         " SET_FILAMENT_SENSOR SET_TMC_* BED_MESH_CLEAR BED_MESH_PROFILE ACTIVATE_EXTRUDER SYNC_EXTRUDER_MOTION"
         " SET_EXTRUDER_ROTATION_DISTANCE RESPOND CLEAR_PAUSE GET_POSITION STATUS QUERY_* M117 DEFINE_OBJECT*"
     ),
-    Use.OUTSIDE: (
+    Use.NOTE: (
         "START_PRINT PRINT_START END_PRINT PRINT_END START END START_GCODE END_GCODE CANCEL_PRINT PAUSE RESUME"
         " BED_MESH_CALIBRATE Z_TILT_ADJUST QUAD_GANTRY_LEVEL CLEAN_NOZZLE NOZZLE_* PURGE* *_PURGE PRIME_* *PARK*"
         " LOAD_FILAMENT UNLOAD_FILAMENT"
@@ -201,5 +201,5 @@ def macro_use(name: str) -> Use:
 
 def knowing(code: str) -> list[Dialect]:
     """Return the dialects in which a word is applied or ignored."""
-    fine = (Use.APPLY, Use.IGNORE, Use.OUTSIDE)
+    fine = (Use.APPLY, Use.IGNORE, Use.NOTE)
     return [dialect for dialect in Dialect if uses_of(dialect).get(code, (Use.REFUSE, None))[0] in fine]

@@ -217,6 +217,7 @@ def test_ignored_by_name() -> None:
         return read_blocks(f"{text}\nG4 P1", dialect, words)
 
     assert ignoring(K, "MY_MACRO A=1", "my_macro").ignored == {"MY_MACRO": 1}
+    assert read_blocks("G61 G0 X1", G).remarks() == ("ignored: G61 1 time",)
     assert ignoring(M, "START_PRINT", "START_PRINT").ignored == {"START_PRINT": 1}
     assert ignoring(M, "M206 Z1", "M206").ignored == {"M206": 1}
     assert ignoring(None, "M104", "M104").ignored == {"M104": 1}
