@@ -187,14 +187,16 @@ class _Reader:
         if found is None:
             if self.manners.one_command and code[0] == "M":  # Klipper and Marlin report it and continue; nothing moves
                 return Use.IGNORE, Word(code, "", "")
-            known = " ".join(each for each, (use, _) in self._uses.items() if each[0] == code[0] and use is Use.APPLY)
+            others = ", ".join(knowing(code))
             if self._dialect is not None:
-                raise InputError(f"{code}: {self.manners.name} does not know it; there are {known}")
-            if others := knowing(code):
+                hint = f"; it is a word of {others}" if others else ""
+                raise InputError(f"{code}: {self.manners.name} does not know it{hint}")
+            if others:
                 raise InputError(
-                    f"{code} is not understood without a dialect; it is in {', '.join(others)} (--dialect, or `dialect`"
-                    " of the step)"
+                    f"{code} is not understood without a dialect; it is in {others}"
+                    " (--dialect, or `dialect` of the step)"
                 )
+            known = " ".join(each for each in self._uses if each[0] == code[0])
             raise InputError(f"{code} is not understood: there are {known}")
         use, word = found
         if use is Use.REFUSE:

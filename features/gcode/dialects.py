@@ -43,6 +43,7 @@ class Manners:
             controller continues after a command that it does not know.
         dwell_s: duration of a unit of `G4 P`.
         feed_mm_s: feed before the first F; None if the controller refuses that.
+        motion: motion that holds before the first one that the file names; empty if none does.
         is_strict: True without a dialect: corners of which the file says nothing stop, and G28 has no axis words.
     """
 
@@ -50,6 +51,7 @@ class Manners:
     one_command: bool = False
     dwell_s: float = 1.0
     feed_mm_s: float | None = None
+    motion: str = ""
     is_strict: bool = False
 
 
@@ -57,8 +59,8 @@ MANNERS: Final[Mapping[Dialect | None, Manners]] = {
     None: Manners(is_strict=True),
     Dialect.KLIPPER: Manners("Klipper", one_command=True, dwell_s=0.001, feed_mm_s=25.0),
     Dialect.MARLIN: Manners("Marlin", one_command=True, dwell_s=0.001, feed_mm_s=25.0),
-    Dialect.GRBL: Manners("grbl"),
-    Dialect.GRBLHAL: Manners("grblHAL"),
+    Dialect.GRBL: Manners("grbl", motion="G0"),
+    Dialect.GRBLHAL: Manners("grblHAL", motion="G0"),
     Dialect.LINUXCNC: Manners("LinuxCNC"),
 }
 

@@ -121,7 +121,7 @@ def actions(
     Raises:
         InputError: words do not fit together; the messages have line and word, the first REFUSALS_MAX are told.
     """
-    modal = _Modal(start, home, manners, corner or CornerMode())
+    modal = _Modal(start, home, manners, corner or CornerMode(), manners.motion)
     wrong, found = Findings(), list[GcodeAction]()
     for block in blocks:
         with wrong.collecting(f"line {block.line}: "):
@@ -156,7 +156,8 @@ class _Modal:
     manners: Manners
     usual_corner: CornerMode
     """Corners without a tolerance of the file."""
-    motion: str = ""
+    motion: str
+    """The motion that holds."""
     plane: tuple[int, int] = (0, 1)
     system: str = _SYSTEMS[0]
     systems: dict[str, Spot] = field(default_factory=dict)

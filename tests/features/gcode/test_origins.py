@@ -111,6 +111,11 @@ def test_feeds_of_printers() -> None:
     assert [type(each) for each in made("G1 X2 F60\nG0 X3", G)] == [CutMove, RapidMove]
 
 
+def test_grbl_begins_with_rapid_moves() -> None:
+    assert goals("X1", G) == [(1.0, 6.0, 7.0)]
+    assert complaint_of(lambda: made("X1", L)) == "line 1: X1: no motion holds: G0, G1, G2 or G3 is missing"
+
+
 def test_inverse_time() -> None:
     assert feeds("G93 G1 X15 F6\nG1 X25 F3\nG2 X35 I5 F2") == pytest.approx([1.0, 0.5, 5 * pi / 30])
     assert feeds("G18 G93 G2 X15 Y16 I5 K0 F60") == pytest.approx([((5 * pi) ** 2 + 100) ** 0.5])
