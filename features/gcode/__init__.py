@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def _program_steps() -> "Mapping[str, StepReading]":
-    from steptwin.features.gcode.cut_runs import SUFFIXES
+    from steptwin.features.gcode.dialects import SUFFIXES
     from steptwin.features.gcode.gcode_step import GCODE_KEYS, GcodeStep
     from steptwin.host.planning.programs.program_file import StepReading
 

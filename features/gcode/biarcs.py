@@ -18,7 +18,7 @@ class Flat(NamedTuple):
     y: float
 
 
-class Piece(NamedTuple):
+class SplineArc(NamedTuple):
     """An arc, or a line without a centre, that leads to a place; its sweep is above 0 counter-clockwise."""
 
     goal: Flat
@@ -26,13 +26,13 @@ class Piece(NamedTuple):
     sweep_rad: float = 0.0
 
 
-def spline_arcs(begin: Flat, first: Flat, last: Flat, end: Flat) -> list[Piece]:
+def spline_arcs(begin: Flat, first: Flat, last: Flat, end: Flat) -> list[SplineArc]:
     """Return pairs of arcs along the cubic spline of four control points, within OFF_MM of it."""
     points = (begin, first, last, end)
     count = 1
     while True:
         parts = [i / count for i in range(count + 1)]
-        found = list[Piece]()
+        found = list[SplineArc]()
         off_mm = 0.0
         for low, high in pairwise(parts):
             made = _pair(_at(points, low), _heading(points, low), _at(points, high), _heading(points, high))
@@ -64,7 +64,7 @@ def _heading(points: tuple[Flat, Flat, Flat, Flat], part: float) -> float:
     return atan2(y, x)
 
 
-def _pair(begin: Flat, begin_rad: float, end: Flat, end_rad: float) -> list[Piece]:
+def _pair(begin: Flat, begin_rad: float, end: Flat, end_rad: float) -> list[SplineArc]:
     """Return two arcs between two places and headings, whose tangents at their ends all have the same length."""
     x, y = end.x - begin.x, end.y - begin.y
     (x0, y0), (x1, y1) = (cos(begin_rad), sin(begin_rad)), (cos(end_rad), sin(end_rad))
@@ -80,17 +80,17 @@ def _pair(begin: Flat, begin_rad: float, end: Flat, end_rad: float) -> list[Piec
     return [_arc(begin, begin_rad, middle), _arc(middle, atan2(behind.y - before.y, behind.x - before.x), end)]
 
 
-def _arc(begin: Flat, heading: float, end: Flat) -> Piece:
+def _arc(begin: Flat, heading: float, end: Flat) -> SplineArc:
     """Return the arc that leaves a place with a heading and leads to another."""
     chord = hypot(end.x - begin.x, end.y - begin.y)
     half = _wrapped(atan2(end.y - begin.y, end.x - begin.x) - heading)
     if abs(sin(half)) <= _STRAIGHT:
-        return Piece(end)
+        return SplineArc(end)
     radius = chord / (2.0 * sin(half))
-    return Piece(end, Flat(begin.x - radius * sin(heading), begin.y + radius * cos(heading)), 2.0 * half)
+    return SplineArc(end, Flat(begin.x - radius * sin(heading), begin.y + radius * cos(heading)), 2.0 * half)
 
 
-def _off(pieces: list[Piece], begin: Flat, place: Flat) -> float:
+def _off(pieces: list[SplineArc], begin: Flat, place: Flat) -> float:
     """Return how far a place is off arcs that begin at another, or off their ends."""
     found = list[float]()
     for piece in pieces:

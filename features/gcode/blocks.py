@@ -109,7 +109,7 @@ def read_blocks(
     lines = text.rstrip("\x1a\0").split("\n")
     if len(lines) > LINES_MAX:
         raise InputError(f"has {len(lines)} lines; at most {LINES_MAX} are read")
-    reader = _Reader(dialect, {word.upper() for word in ignore}, outputs)
+    reader = _LineReader(dialect, {word.upper() for word in ignore}, outputs)
     blocks: list[GcodeBlock] = []
     wrong = Findings()
     percents, ended = 0, 0
@@ -139,7 +139,7 @@ def read_blocks(
     return GcodeFile(tuple(blocks), reader.manners, dict(reader.ignored), reader.remarks())
 
 
-class _Reader:
+class _LineReader:
     """Reads lines in a dialect, and counts what it ignores."""
 
     def __init__(self, dialect: Dialect | None, ignore: Collection[str], outputs: Collection[str] | None) -> None:

@@ -16,8 +16,6 @@ from steptwin.features.gcode.modal import ArcShape, CutMove
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.planning.no_way import NO_WAY
 
-SUFFIXES: Final = (".gcode", ".nc", ".ngc")
-"""Usual endings of the files' names."""
 KINK_MAX_DEG: Final = 0.1
 """Angle up to which a corner is none, so that the path flows on without a rounding."""
 

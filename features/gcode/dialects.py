@@ -11,6 +11,10 @@ from fnmatch import fnmatchcase
 from typing import Final, NamedTuple
 
 
+SUFFIXES: Final = (".gcode", ".nc", ".ngc")
+"""Usual endings of the files' names."""
+
+
 class Dialect(StrEnum):
     """The controller for which a file has been written."""
 

@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from steptwin.features.gcode.cut_runs import SUFFIXES
-from steptwin.features.gcode.dialects import Dialect
+from steptwin.features.gcode.dialects import SUFFIXES, Dialect
 from steptwin.host.cli.options import option
 from steptwin.host.common.errors import InputError
 

@@ -33,7 +33,7 @@ class StepFileOptions:
     """The options of a file that a step of a program runs."""
 
     pairs: list[str] | None = option(
-        "NAME=VALUE", "Set a key of the step that runs a file, such as G-code. Repeatable.", "--option", "-o"
+        "NAME=VALUE", "Set a key of the step that runs a file. Repeatable.", "--option", "-o"
     )
     files: Sequence[FileOptions] = of_features("file_options")
 

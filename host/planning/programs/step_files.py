@@ -1,4 +1,4 @@
-"""Files that a step of a program runs, such as G-code, given in place of a program: each is a program of one step."""
+"""Files that a step of a program runs, given in place of a program: each is a program of one step."""
 
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -10,7 +10,7 @@ from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.programs.program import Program
-from steptwin.host.planning.programs.program_file import parse_program, verb_of_suffix
+from steptwin.host.planning.programs.program_file import SUFFIX, parse_program, verb_of_suffix
 
 _NUMBER: Final = "1"
 """Number of the only step."""
@@ -18,7 +18,8 @@ _NUMBER: Final = "1"
 
 def is_step_file(path: str) -> bool:
     """Return whether the name of a file is that of one that a step runs."""
-    return Path(path).suffix.lower() in verb_of_suffix()
+    ending = Path(path).suffix.lower()
+    return ending not in ("", SUFFIX) and ending in verb_of_suffix()
 
 
 def step_program(name: str, keys: Mapping[str, str] | None = None) -> str:
