@@ -10,7 +10,6 @@ from enum import StrEnum
 from fnmatch import fnmatchcase
 from typing import Final, NamedTuple
 
-
 SUFFIXES: Final = (".gcode", ".nc", ".ngc")
 """Usual endings of the files' names."""
 
