@@ -96,7 +96,7 @@ WORDS: Final = (
     Word("G0 G1 G2 G3", "motion", "AAAAAA"),
     Word("G5", "motion", "--A-AA"),
     Word("G5.1", "motion", "----AA"),
-    Word("G5.2 G5.3", "", "----RR", "a spline with weights is not executed"),
+    Word("G5.2 G5.3 G6.2 G6.3", "", "----RR", "a spline with weights is not executed"),
     Word("G80", "motion", "AINAAA", "Prusa's firmware probes the bed; these moves are not in the file"),
     Word("G17 G18 G19", "plane", "AAAAAA"),
     Word("G20", "units", "ARAAAA", "Klipper refuses inches"),

@@ -254,7 +254,8 @@ class _Modal:
         others = [name for name in (*_AXES, *_OF_ARCS) if name in numbers]
         if single in _TAKE_AXES and not (single == "G28" and self.manners.is_strict):
             others = [name for name in others if name in _OF_ARCS and (name, single) != ("R", "G10")]
-        if single and (others or "motion" in codes):
+        alone = single and not (single == "G4" and not self.manners.is_strict)
+        if alone and (others or "motion" in codes):
             raise InputError(f"{single}: beside {(others or [codes['motion']])[0]}; it stands without motion words")
         if "A" in numbers and "C" in numbers:
             raise InputError("C: beside A; the tool has one turn")

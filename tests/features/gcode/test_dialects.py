@@ -13,7 +13,7 @@ TREATED = {
     "G0 G1 G2 G3": "AAAAAA",
     "G5": "RRARAA",
     "G5.1": "RRRRAA",
-    "G5.2 G5.3": "RRRRRR",
+    "G5.2 G5.3 G6.2 G6.3": "RRRRRR",
     "G80": "AIIAAA",
     "G17 G18 G19": "AAAAAA",
     "G20": "ARAAAA",

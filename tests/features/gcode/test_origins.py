@@ -101,6 +101,11 @@ def test_a_dwell_is_in_the_dialects_unit(dialect: Dialect | None, word: str, tim
     assert made(f"G4 {word}", dialect) == [Dwell(1, time_s)]
 
 
+def test_a_dwell_comes_before_the_motion_of_its_line() -> None:
+    assert made("G4 P1 G0 X2", L) == [Dwell(1, 1.0), RapidMove(1, (2.0, 6.0, 7.0, 0.0))]
+    assert complaint_of(lambda: made("G4 P1 G0 X2")) == "line 1: G4: beside X; it stands without motion words"
+
+
 def feeds(text: str, dialect: Dialect | None = None) -> list[float]:
     return [each.feed_mm_s for each in made(text, dialect) if isinstance(each, CutMove)]
 
