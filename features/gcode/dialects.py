@@ -87,7 +87,6 @@ class Word(NamedTuple):
 
 
 _PROBES: Final = "the machine probes or homes by itself; these moves are not in the file"
-_CYCLE: Final = "a cycle is not executed; let the CAM program write its moves as G0 and G1"
 _TOOL_RADIUS: Final = "the tool's radius is not known"
 _OFFSET: Final = "it moves the origin by a value of the machine"
 _SPINDLE_MOTION: Final = "the motion follows a spindle"
@@ -133,12 +132,13 @@ WORDS: Final = (
     Word("G92.2 G92.3", "single actions", "A---AA"),
     Word("G8 G96 G97", "", "----II", takes="DS"),
     Word("G7 G50 G51", "", "----RR", "places are diameters, or scaled"),
-    Word("G98 G99", "", "----II"),
+    Word("G98 G99", "retraction", "----AA"),
     Word("G12 G27 G29 G31 G32 G34", "", "-NN---", _PROBES),
     Word("G26 G35 G42 G425", "", "--R---", "the machine moves by itself"),
     Word("G33 G76", "", "--R-RR", _SPINDLE_MOTION),
     Word("G38 G38.2 G38.3 G38.4 G38.5", "", "--RRRR", "the machine moves until a probe touches"),
-    Word("G73 G81 G82 G83 G84 G85 G86 G88 G89", "", "----RR", _CYCLE),
+    Word("G73 G81 G82 G83 G85 G89", "motion", "----AA"),
+    Word("G84 G86 G88", "", "----RR", "the spindle stops or turns back"),
     Word("M0 M1", "stops", "AAAAAA"),
     Word("M2 M30", "stops", "AIIAAA"),
     Word("M60", "stops", "----AA"),

@@ -7,6 +7,7 @@ from typing import Final
 
 from steptwin.features.gcode.biarcs import Flat, spline_arcs
 from steptwin.features.gcode.blocks import REFUSALS_MAX, GcodeBlock
+from steptwin.features.gcode.cycles import CYCLES, DWELLING, PECKING, Drilling
 from steptwin.features.gcode.dialects import MANNERS, Manners
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
@@ -140,6 +141,8 @@ _OF_ARCS: Final = ("I", "J", "K", "R")
 _CURVES: Final = ("G5", "G5.1")
 _TAKE_AXES: Final = ("G10", "G28", "G30", "G52", "G92")
 """Single actions that axis words may stand beside."""
+_HOLES_MAX: Final = 10_000
+"""Repetitions of a cycle."""
 _PLANES: Final = {"G17": (0, 1), "G18": (2, 0), "G19": (1, 2)}
 _NOWHERE: Final = (0.0, 0.0, 0.0, 0.0)
 _SYSTEMS: Final = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
@@ -175,6 +178,12 @@ class _Modal:
     is_inverse: bool = False
     """True if F is the reciprocal of a move's duration in minutes (G93)."""
     feed_factor: float = 1.0
+    hole: dict[str, float] = field(default_factory=dict)
+    """Z, R, Q and P of a drilling cycle, which hold for further holes."""
+    clear_mm: float | None = None
+    """Height at the begin of cycles in a row, at which each ends (G98); None without a cycle."""
+    ends_at_r: bool = False
+    """True if cycles end at the height R (G99)."""
     curve_end: Flat | None = None
     """P and Q of a cubic spline, which the next one continues."""
     scale: float = 1.0
@@ -234,10 +243,10 @@ class _Modal:
     def _check_companions(self, codes: Mapping[str, str], numbers: Mapping[str, float]) -> None:
         """Raise InputError for numbers that no code of the line takes, and codes without theirs."""
         single, corners = codes.get("single actions"), codes.get("corners")
-        is_curve = codes.get("motion", self.motion) in _CURVES
         takers = [code for code in (single, codes.get("outputs")) if code in _TAKE_P]
         takers += ["G64"] if corners == "G64" and "P" in numbers else []
-        takers += ["G5"] if codes.get("motion", self.motion) == "G5" and "P" in numbers and not takers else []
+        motion = codes.get("motion", self.motion)
+        takers += [motion] if motion in ("G5", *DWELLING) and "P" in numbers and not takers else []
         if len(takers) > 1:
             raise InputError(f"P: both {' and '.join(takers)} take it; write them in two lines")
         if "P" in numbers and not takers:
@@ -247,10 +256,10 @@ class _Modal:
                 raise InputError(f"{code}: P is missing")
         if "P" in numbers and numbers["P"] < 0 and takers != ["G5"]:
             raise InputError(f"P{numbers['P']:g}: is below 0")
-        if "Q" in numbers and not is_curve and (corners != "G64" or numbers["Q"] < 0):
+        if "Q" in numbers and motion not in (*_CURVES, *PECKING) and (corners != "G64" or numbers["Q"] < 0):
             raise InputError(f"Q{numbers['Q']:g}: goes with G64, and is not below 0")
-        if "L" in numbers and single != "G10":
-            raise InputError(f"L{numbers['L']:g}: goes with G10")
+        if "L" in numbers and single != "G10" and motion not in CYCLES:
+            raise InputError(f"L{numbers['L']:g}: goes with G10 and cycles")
         others = [name for name in (*_AXES, *_OF_ARCS) if name in numbers]
         if single in _TAKE_AXES and not (single == "G28" and self.manners.is_strict):
             others = [name for name in others if name in _OF_ARCS and (name, single) != ("R", "G10")]
@@ -273,6 +282,7 @@ class _Modal:
         if "centres of arcs" in codes:
             self.has_absolute_centres = codes["centres of arcs"] == "G90.1"
         self.system = codes.get("coordinates", self.system)
+        self.ends_at_r = codes["retraction"] == "G99" if "retraction" in codes else self.ends_at_r
         if codes.get("length of the tool") == "G49":
             self.length_mm = 0.0
         elif "length of the tool" in codes:
@@ -404,6 +414,10 @@ class _Modal:
     def _move(self, codes: Mapping[str, str], numbers: Mapping[str, float]) -> Iterator[GcodeAction]:
         self.motion = codes.get("motion", self.motion)
         words = [name for name in (*_AXES, *_OF_ARCS) if name in numbers]
+        if self.motion in CYCLES:
+            yield from self._drill(numbers, is_new="motion" in codes)
+            return
+        self.clear_mm = None
         if self.motion not in (*_MOTIONS, *_CURVES):
             if words:
                 raise InputError(f"{words[0]}{numbers[words[0]]:g}: no motion holds: G0, G1, G2 or G3 is missing")
@@ -462,6 +476,57 @@ class _Modal:
                 spot[i] = scale * numbers[name] + base
         x, y, z, turn_deg = spot
         return x, y, z, turn_deg
+
+    # --- cycles
+
+    def _drill(self, numbers: Mapping[str, float], *, is_new: bool) -> Iterator[GcodeAction]:
+        """Yield the moves of a drilling cycle, and of its repetitions."""
+        code, times = self.motion, numbers.get("L", 1.0)
+        if self.plane != (0, 1) or self.is_inverse:
+            raise InputError(f"{code}: a cycle is along z, with G17 and G94")
+        if times not in range(1, _HOLES_MAX + 1):
+            raise InputError(f"L{times:g}: a number of repetitions is from 1 to {_HOLES_MAX}")
+        if is_new:
+            self.hole = {}
+        self.hole |= {name: numbers[name] for name in "ZRQP" if name in numbers}
+        if missing := [name for name in "ZR" if name not in self.hole]:
+            raise InputError(f"{code}: {missing[0]} is missing")
+        bottom, above = self.scale * self.hole["Z"], self.scale * self.hole["R"]
+        if self.clear_mm is None:
+            self.clear_mm = self.here[2]
+        from_mm = above + (self.here[2] if self.is_relative else self.origin[2])
+        to_mm = bottom + (from_mm if self.is_relative else self.origin[2])
+        hole = Drilling(
+            code,
+            from_mm,
+            to_mm,
+            from_mm if self.ends_at_r else max(self.clear_mm, from_mm),
+            self.scale * self.hole.get("Q", 0.0),
+            self.hole.get("P", 0.0) if code in DWELLING else 0.0,
+        )
+        beside = {name: value for name, value in numbers.items() if name in ("X", "Y", "A", "C")}
+        yield from self.left()
+        if self.here[2] < from_mm:
+            yield from self._stroke(from_mm, is_rapid=True)
+        for _ in range(int(times)):
+            self.here = self._goal(beside)
+            yield RapidMove(self.line, self.here)
+            yield from self._stroke(from_mm, is_rapid=True)
+            for stroke in hole.strokes():
+                if stroke.dwell_s:
+                    yield from self._stand(stroke.dwell_s)
+                else:
+                    yield from self._stroke(stroke.height_mm, is_rapid=stroke.is_rapid)
+
+    def _stroke(self, height_mm: float, *, is_rapid: bool) -> Iterator[GcodeAction]:
+        """Yield a move along z, if there is one."""
+        start, self.here = self.here, _with(self.here, {2: height_mm})
+        if start == self.here:
+            return
+        if is_rapid:
+            yield RapidMove(self.line, self.here)
+        else:
+            yield self._leading(start, self.here, None, self._feed({}, 0.0))
 
     # --- splines
 

@@ -50,12 +50,13 @@ TREATED = {
     "G92.2 G92.3": "ARRRAA",
     "G8 G96 G97": "RRRRII",
     "G7 G50 G51": "RRRRRR",
-    "G98 G99": "RRRRII",
+    "G98 G99": "RRRRAA",
     "G12 G27 G29 G31 G32 G34": "RIIRRR",
     "G26 G35 G42 G425": "RRRRRR",
     "G33 G76": "RRRRRR",
     "G38 G38.2 G38.3 G38.4 G38.5": "RRRRRR",
-    "G73 G81 G82 G83 G84 G85 G86 G88 G89": "RRRRRR",
+    "G73 G81 G82 G83 G85 G89": "RRRRAA",
+    "G84 G86 G88": "RRRRRR",
     "M0 M1": "AAAAAA",
     "M2 M30": "AIIAAA",
     "M60": "RIIRAA",
@@ -148,13 +149,13 @@ def test_a_part_for_linuxcnc() -> None:
     found = read_blocks(text, L, outputs=("M8",))
     assert [dict(block.codes) for block in found.blocks] == [
         {"units": "G21", "distances": "G90"},
-        {"motion": "G0"},
+        {"retraction": "G98", "motion": "G0"},
         {"stops": "M6"},
         {},
         {},
         {"coolant": "M8"},
     ]
-    assert found.ignored == {"G43": 1, "M6": 1, "T": 2, "G98": 1, "M3": 1, "G97": 1}
+    assert found.ignored == {"G43": 1, "M6": 1, "T": 2, "M3": 1, "G97": 1}
     assert found.notes == (
         "G43: the tool's length is not known, and taken as 0",
         "M6: the machine stops for another tool, whose length is not known",
