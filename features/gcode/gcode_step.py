@@ -24,9 +24,9 @@ from steptwin.features.gcode.modal import (
     HomeMove,
     OutputWord,
     RapidMove,
-    Spot,
     actions,
 )
+from steptwin.features.gcode.origins import Spot
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import prefixed, shortened, unknown
 from steptwin.host.common.errors import InputError

@@ -9,12 +9,10 @@ from steptwin.features.gcode.biarcs import Flat, spline_arcs
 from steptwin.features.gcode.blocks import REFUSALS_MAX, GcodeBlock
 from steptwin.features.gcode.cycles import CYCLES, DWELLING, PECKING, Drilling
 from steptwin.features.gcode.dialects import MANNERS, Manners
+from steptwin.features.gcode.origins import Origins, Spot, replaced
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.no_way import NO_WAY
-
-Spot = tuple[float, float, float, float]
-"""A place in the file's coordinates: x, y and z in mm and the turn in degrees."""
 
 _INCH_MM: Final = 25.4
 _OFF_MM, _OFF_PART, _OFF_MOST_MM = 0.005, 0.001, 0.5
@@ -144,9 +142,6 @@ _TAKE_AXES: Final = ("G10", "G28", "G30", "G52", "G92")
 _HOLES_MAX: Final = 10_000
 """Repetitions of a cycle."""
 _PLANES: Final = {"G17": (0, 1), "G18": (2, 0), "G19": (1, 2)}
-_NOWHERE: Final = (0.0, 0.0, 0.0, 0.0)
-_SYSTEMS: Final = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
-"""Coordinate systems, by their numbers less one in `G10 L2 P`."""
 
 
 @dataclass(slots=True)
@@ -162,17 +157,7 @@ class _Modal:
     motion: str
     """The motion that holds."""
     plane: tuple[int, int] = (0, 1)
-    system: str = _SYSTEMS[0]
-    systems: dict[str, Spot] = field(default_factory=dict)
-    """Origins of coordinate systems; those of the others are the machine's."""
-    shift: Spot = _NOWHERE
-    """Offset by G92 or G52."""
-    kept_shift: Spot = _NOWHERE
-    """The same, which G92.3 brings back."""
-    length_mm: float = 0.0
-    """Offset along z by the tool's length (G43.1)."""
-    origin: Spot = _NOWHERE
-    """Sum of the offsets."""
+    origins: Origins = field(default_factory=Origins)
     places: dict[str, Spot] = field(default_factory=dict)
     """Places of G28 and G30 that the file has stored."""
     is_inverse: bool = False
@@ -281,59 +266,25 @@ class _Modal:
             self.is_relative = codes["distances"] == "G91"
         if "centres of arcs" in codes:
             self.has_absolute_centres = codes["centres of arcs"] == "G90.1"
-        self.system = codes.get("coordinates", self.system)
+        if "coordinates" in codes:
+            self.origins.select(codes["coordinates"])
         self.ends_at_r = codes["retraction"] == "G99" if "retraction" in codes else self.ends_at_r
         if codes.get("length of the tool") == "G49":
-            self.length_mm = 0.0
+            self.origins.set_length(0.0)
         elif "length of the tool" in codes:
             if "Z" not in numbers:
                 raise InputError("G43.1: Z is missing, the tool's length")
-            self.length_mm = self.scale * numbers.pop("Z")
-        if {"coordinates", "length of the tool"} & codes.keys():
-            self._sum_origin()
-
-    # --- origins
-
-    def _sum_origin(self) -> None:
-        system = self.systems.get(self.system, _NOWHERE)
-        x, y, z, turn = (a + b for a, b in zip(system, self.shift, strict=True))
-        self.origin = x, y, z + self.length_mm, turn
+            self.origins.set_length(self.scale * numbers.pop("Z"))
 
     def _set_origin(self, code: str, numbers: Mapping[str, float]) -> None:
         """Move the origin: G92, G52, and G10 with L2 or L20."""
-        if code == "G92.1":
-            self.shift = self.kept_shift = _NOWHERE
-        elif code in ("G92.2", "G92.3"):
-            self.shift = _NOWHERE if code == "G92.2" else self.kept_shift
+        origins = self.origins
+        if code in ("G92.1", "G92.2", "G92.3"):
+            origins.end_shift(code)
+        elif code == "G10":
+            origins.set_system(numbers, self._places(code, numbers), self.here)
         else:
-            given = self._places(code, numbers)
-            if code == "G10":
-                self._set_system(numbers, given)
-            else:
-                system = self.systems.get(self.system, _NOWHERE)
-                length = (0.0, 0.0, self.length_mm, 0.0)
-                here = zip(self.here, system, length, strict=True)
-                zero = _NOWHERE if code == "G52" else tuple(place - of - long for place, of, long in here)
-                sign = 1.0 if code == "G52" else -1.0
-                self.shift = self.kept_shift = _with(
-                    self.shift, {i: zero[i] + sign * value for i, value in given.items()}
-                )
-        self._sum_origin()
-
-    def _set_system(self, numbers: Mapping[str, float], given: Mapping[int, float]) -> None:
-        kind, number = numbers.get("L"), numbers.get("P", 0.0)
-        if kind not in (2.0, 20.0):
-            raise InputError(f"G10: {f'L{kind:g} is' if kind is not None else 'without L, it is'} not L2 or L20")
-        if numbers.get("R"):
-            raise InputError(f"R{numbers['R']:g}: beside G10; coordinates are not turned")
-        if number not in range(len(_SYSTEMS) + 1):
-            raise InputError(f"P{number:g}: a coordinate system has a number from 0 to {len(_SYSTEMS)}")
-        system = _SYSTEMS[int(number) - 1] if number else self.system
-        if kind == 20.0:
-            above = zip(self.here, self.shift, (0.0, 0.0, self.length_mm, 0.0), strict=True)
-            zero = [place - shift - long for place, shift, long in above]
-            given = {i: zero[i] - value for i, value in given.items()}
-        self.systems[system] = _with(self.systems.get(system, _NOWHERE), given)
+            origins.set_shift(code, self._places(code, numbers), self.here)
 
     def _places(self, code: str, numbers: Mapping[str, float]) -> dict[int, float]:
         """Return the axis words of a line, in mm and degrees, by the number of the axis."""
@@ -397,13 +348,12 @@ class _Modal:
         named = [i for i, name in enumerate("XYZ") if name in numbers]
         place = self.places.get(code, self.home)
         if self.manners.one_command:
-            self.shift = _with(self.shift, dict.fromkeys(named or range(4), 0.0))
-            self._sum_origin()
+            self.origins.end_shift_of(named or range(4))
         elif named:
             self.here = self._goal(numbers)
             yield RapidMove(self.line, self.here)
         if named:
-            self.here = _with(self.here, {i: place[i] for i in named})
+            self.here = replaced(self.here, {i: place[i] for i in named})
         else:
             self.here = place
         if named or code in self.places:
@@ -472,7 +422,7 @@ class _Modal:
         words = (("X", self.scale), ("Y", self.scale), ("Z", self.scale), (turning or "", 1.0))
         for i, (name, scale) in enumerate(words):
             if name in numbers:
-                base = spot[i] if self.is_relative else 0.0 if in_machine else self.origin[i]
+                base = spot[i] if self.is_relative else 0.0 if in_machine else self.origins.total[i]
                 spot[i] = scale * numbers[name] + base
         x, y, z, turn_deg = spot
         return x, y, z, turn_deg
@@ -494,8 +444,8 @@ class _Modal:
         bottom, above = self.scale * self.hole["Z"], self.scale * self.hole["R"]
         if self.clear_mm is None:
             self.clear_mm = self.here[2]
-        from_mm = above + (self.here[2] if self.is_relative else self.origin[2])
-        to_mm = bottom + (from_mm if self.is_relative else self.origin[2])
+        from_mm = above + (self.here[2] if self.is_relative else self.origins.total[2])
+        to_mm = bottom + (from_mm if self.is_relative else self.origins.total[2])
         hole = Drilling(
             code,
             from_mm,
@@ -520,7 +470,7 @@ class _Modal:
 
     def _stroke(self, height_mm: float, *, is_rapid: bool) -> Iterator[GcodeAction]:
         """Yield a move along z, if there is one."""
-        start, self.here = self.here, _with(self.here, {2: height_mm})
+        start, self.here = self.here, replaced(self.here, {2: height_mm})
         if start == self.here:
             return
         if is_rapid:
@@ -594,12 +544,12 @@ class _Modal:
             raise InputError(f"{self.motion}: with G90.1 an arc has both {' and '.join(names)}")
         if not any(name in numbers for name in names):
             raise InputError(f"{self.motion}: an arc has {' and '.join(names)}, or R")
-        height = self.here[normal] - self.origin[normal] if self.has_absolute_centres else 0.0
+        height = self.here[normal] - self.origins.total[normal] if self.has_absolute_centres else 0.0
         if beside in numbers and abs(self.scale * numbers[beside] - height) > NO_WAY:
             raise InputError(
                 f"{beside}{numbers[beside]:g}: an arc in {plane} has its centre at the height of its start"
             )
-        base = [self.origin[i] for i in self.plane] if self.has_absolute_centres else here
+        base = [self.origins.total[i] for i in self.plane] if self.has_absolute_centres else here
         x, y = (base[i] + self.scale * numbers.get("IJK"[axis], 0.0) for i, axis in enumerate(self.plane))
         first, last = hypot(here[0] - x, here[1] - y), hypot(goal[0] - x, goal[1] - y)
         for radius, ends in ((first, "begins"), (last, "ends")):
@@ -637,12 +587,6 @@ class _Modal:
 def _off_max(radius_mm: float) -> float:
     """Return by how much the radius at an arc's end may differ from that at its begin, in mm."""
     return max(_OFF_MM, min(_OFF_PART * radius_mm, _OFF_MOST_MM))
-
-
-def _with(spot: Spot, values: Mapping[int, float]) -> Spot:
-    """Return a spot with some of its values replaced."""
-    x, y, z, turn_deg = (values.get(i, value) for i, value in enumerate(spot))
-    return x, y, z, turn_deg
 
 
 def _length_mm(start: Spot, goal: Spot, arc: ArcShape | None) -> float:

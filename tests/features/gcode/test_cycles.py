@@ -10,29 +10,29 @@ from tests.host.complaints import complaint_of
 START = (0.0, 0.0, 10.0, 0.0)
 
 
-def moves(text: str) -> list[tuple[str, *tuple[float, ...]]]:
+def moves(text: str) -> list[tuple[str, tuple[float, ...]]]:
     """Return the moves: G0 or G1 with its place, or a dwell with its duration."""
     found = read_blocks(f"G94 F600\n{text}", Dialect.LINUXCNC)
-    rows: list[tuple[str, *tuple[float, ...]]] = []
+    rows: list[tuple[str, tuple[float, ...]]] = []
     for each in actions(found.blocks, START, START, found.manners):
         match each:
             case RapidMove(_, goal):
-                rows.append(("G0", *goal[:3]))
+                rows.append(("G0", goal[:3]))
             case CutMove():
                 assert each.feed_mm_s == 10.0
-                rows.append(("G1", *each.goal[:3]))
+                rows.append(("G1", each.goal[:3]))
             case Dwell(_, time_s):
-                rows.append(("G4", time_s))
+                rows.append(("G4", (time_s,)))
     return rows
 
 
 def heights(text: str) -> list[float]:
-    return [row[-1] for row in moves(text)]
+    return [places[-1] for _, places in moves(text)]
 
 
 def test_holes_in_a_row_end_at_the_first_height() -> None:
     hole = [("G0", 2, 10), ("G0", 2, 2), ("G1", 2, -3), ("G0", 2, 10)]
-    assert moves("G81 X1 Y2 Z-3 R2\nX5\nG80") == [(word, x, y, z) for x in (1.0, 5.0) for word, y, z in hole]
+    assert moves("G81 X1 Y2 Z-3 R2\nX5\nG80") == [(word, (x, y, z)) for x in (1.0, 5.0) for word, y, z in hole]
 
 
 def test_g99_ends_at_r() -> None:
@@ -68,7 +68,7 @@ def test_each_cycle(line: str, wanted: list[float]) -> None:
 
 
 def test_repetitions_go_on_by_their_increments() -> None:
-    assert [row[1] for row in moves("G91 G81 X3 Z-3 R-4 L3")][::4] == [3.0, 6.0, 9.0]
+    assert [places[0] for _, places in moves("G91 G81 X3 Z-3 R-4 L3")][::4] == [3.0, 6.0, 9.0]
 
 
 @pytest.mark.parametrize(
