@@ -56,7 +56,7 @@ GCODE_KEYS: Final = (
 
 PASSES_MM: Final = 0.05
 """Distance at which a path in a dialect passes its corners where neither file nor step says how."""
-_MERGE_MM: Final = 0.01
+_MERGE_MM: Final = 0.02
 """Distance within which short lines of such a path are taken for one line."""
 _OUTPUT_KEY: Final = re.compile(r"M[3478]|P(0|[1-9][0-9]{0,2})")
 
