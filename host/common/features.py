@@ -206,6 +206,18 @@ class FileKind(NamedTuple):
     mark: Pattern[str] | None = None
 
 
+class FileOptions(Protocol):
+    """A feature's options of commands for the files that its steps run: a dataclass."""
+
+    def keys(self, file: str) -> Mapping[str, str]:
+        """Return keys of the step that runs a file, as texts of TOML or without quotation marks.
+
+        Raises:
+            InputError: an option is given for a file of another kind.
+        """
+        ...
+
+
 class Telling(Protocol):
     """Prints a feature's keys of a document; nothing for a document without them."""
 
@@ -298,6 +310,7 @@ class Feature:
         schemas: returns what gives the model of each kind of its files, by the kind, for `steptwin schema`.
         run_options: returns a dataclass of options of `steptwin run`: a `RunHook`.
         serve_options: returns a dataclass of options of `steptwin serve`: a `ServedProgram`.
+        file_options: returns a dataclass of options of `steptwin run` and `check`: `FileOptions`.
         verify_options: returns a dataclass of options of `steptwin verify`: an `OtherEvidence`.
         new_options: returns a dataclass of options of `steptwin new`: a `RobotSource`.
         telling: returns what prints its keys of documents.
@@ -336,6 +349,7 @@ class Feature:
     schemas: Callable[[], Mapping[str, Callable[[], type[Any]]]] | None = None
     run_options: Callable[[], type[Any]] | None = None
     serve_options: Callable[[], type[Any]] | None = None
+    file_options: Callable[[], type[Any]] | None = None
     verify_options: Callable[[], type[Any]] | None = None
     new_options: Callable[[], type[Any]] | None = None
     telling: Callable[[], Telling] | None = None
