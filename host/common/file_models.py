@@ -405,8 +405,10 @@ def _read_named(keeps_names: bool, value: object, handler: Any, info: Any) -> ob
             except ValidationError as error:
                 for found in error.errors(include_url=False):
                     _, *within = found["loc"]
-                    place = "" if within == ["[key]"] else f"{shortened(name)}{error_place({'loc': within})}: "
-                    reading.findings.add(f"{place}{error_text(found)}")
+                    if within == ["[key]"]:
+                        Findings(reading.findings.messages, f"{reading.header}: ").add(error_text(found))
+                    else:
+                        reading.findings.add(f"{shortened(name)}{error_place({'loc': within})}: {error_text(found)}")
     return named if named or not value else _UNREAD
 
 
