@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from random import Random
 from typing import Annotated, Any, ClassVar, Final
 
@@ -24,7 +25,7 @@ from steptwin.host.common.bad_input import known, prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, SCENARIO_BYTES_MAX
 from steptwin.host.common.file_models import FileReading, FileTable, read_model
-from steptwin.host.common.file_values import Choice, Name, NotNegative, OneOf, ReadBy, Rows, Within
+from steptwin.host.common.file_values import Choice, Name, NotNegative, OneOf, ReadBy, TableList, Within
 from steptwin.host.common.findings import Findings, UnreadError, judged
 from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import toml_table
@@ -151,7 +152,7 @@ Drawing = tuple[dict[str, Any], Trajectory]
 """What is drawn for a motion, and its trajectory."""
 
 
-class Motion(Weighted, ABC):
+class DrawnMotion(Weighted, ABC):
     """A motion that runs may make."""
 
     __slots__ = ()
@@ -161,8 +162,12 @@ class Motion(Weighted, ABC):
         """Return the motion of a robot, which has a name in the campaign, as it is drawn."""
 
 
+def _one_stream(robot: str, _: str) -> Random:
+    return Random(robot)
+
+
 @dataclass(frozen=True, slots=True)
-class JobMotion(Motion):
+class JobMotion(DrawnMotion):
     """A job of the robot.
 
     Attributes:
@@ -186,7 +191,7 @@ class JobMotion(Motion):
                     raise unknown("options: option", option, options)
             if motion.options:
                 with prefixed(f"{name}: "):
-                    motion.drawn_for(name, robot, lambda _, name=name: Random(name))
+                    motion.drawn_for(name, robot, partial(_one_stream, name))
         return motion
 
     def __str__(self) -> str:
@@ -201,7 +206,7 @@ class JobMotion(Motion):
 
 
 @dataclass(frozen=True, slots=True)
-class RandomMoves(Motion):
+class RandomMoves(DrawnMotion):
     """Moves of all joints to random positions around the robot's home, one after the other, jerk-limited.
 
     Attributes:
@@ -235,7 +240,7 @@ class RandomMoves(Motion):
 
 
 @dataclass(frozen=True, slots=True)
-class CampaignMotion(Motion):
+class CampaignMotion(DrawnMotion):
     """A motion of a trajectory file or a program: its trajectory for each robot that makes it, by the robot's name."""
 
     file: str
@@ -411,7 +416,7 @@ class Campaign(FileTable):
         Mapping[str, Robot], ReadBy(_read_robots, lambda: {"type": "array", "items": {"type": "string"}, "minItems": 1})
     ]
     motors: _Motors = None
-    motion: Annotated[tuple[Annotated[Any, OneOf("motion", lambda: _MOTIONS)], ...], Rows("motion")]
+    motion: Annotated[tuple[Annotated[Any, OneOf("motion", lambda: _MOTIONS)], ...], TableList("motion")]
     scenario: tuple[ScenarioChoice, ...] = ()
     vary: _Vary = field(default_factory=dict)
     recover: bool = True
@@ -436,7 +441,7 @@ class Campaign(FileTable):
                 campaign.check_every_robot("scenario", campaign.scenario)
         return campaign
 
-    def check_every_robot(self, what: str, choices: Iterable[Motion | ScenarioChoice]) -> None:
+    def check_every_robot(self, what: str, choices: Iterable[DrawnMotion | ScenarioChoice]) -> None:
         """Raise InputError for a robot that has none of the choices."""
         for name in self.robots:
             if not any(name in choice.robots and choice.weight > 0 for choice in choices):

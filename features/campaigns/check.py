@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from steptwin.features.campaigns.campaign import Campaign, Motion, ScenarioChoice, parse_campaign
+from steptwin.features.campaigns.campaign import Campaign, DrawnMotion, ScenarioChoice, parse_campaign
 from steptwin.features.campaigns.sources import Sources
 from steptwin.host.cli.arguments import CheckedFile
 from steptwin.host.cli.output import number_of, print_table, say
@@ -41,7 +41,7 @@ def _document(campaign: Campaign) -> dict[str, Any]:
 
 
 def _choices(
-    campaign: Campaign, choices: Sequence[Motion | ScenarioChoice], name: Callable[[Any], str]
+    campaign: Campaign, choices: Sequence[DrawnMotion | ScenarioChoice], name: Callable[[Any], str]
 ) -> list[dict[str, Any]]:
     """Return of each choice its name, its robots, and the part of all runs that are to have it."""
     weights = dict.fromkeys(campaign.robots, 0.0)

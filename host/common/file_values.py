@@ -187,7 +187,7 @@ class Values:
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class TableList:
     """Annotates a list of tables, whose places are such as `step 2`, and `step 2.1` for a list in one of them.
 
     Attributes:
