@@ -1,4 +1,4 @@
-"""Campaigns: thousands of runs with random motions, faults and settings, and what they found."""
+"""Campaigns: thousands of runs with random motions, faults and settings, and a report of their failures."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence

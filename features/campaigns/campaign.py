@@ -48,7 +48,7 @@ _SEED_MAX: Final = 1 << 53
 _REACH: Final = 0.1
 """Part of each joint's range by which random moves are from home at most, without the key."""
 _TRIES: Final = 6
-"""Times that a random move is drawn, each time half as far, until the robot can make it."""
+"""Number of draws of a random move, each half as far, until the robot can make it."""
 
 
 @dataclass(slots=True)
@@ -149,7 +149,7 @@ class Weighted(FileTable):
 Stream = Callable[[str], Random]
 """Returns the generator of a quantity by its name."""
 Drawing = tuple[dict[str, Any], Trajectory]
-"""What is drawn for a motion, and its trajectory."""
+"""The drawn values of a motion, and its trajectory."""
 
 
 class DrawnMotion(Weighted, ABC):
@@ -285,7 +285,7 @@ class MotionOfFile(Weighted):
 def random_moves(robot: Robot, moves: int, reach: float, random: Random) -> Trajectory:
     """Return moves of all joints around the robot's home, each within `reach` of the joints' ranges; raise InputError.
 
-    A position that the robot cannot take is drawn again, half as far.
+    A position that the robot cannot reach is drawn again, half as far.
     """
     lower = np.array([joint.lower for joint in robot.joints])
     upper = np.array([joint.upper for joint in robot.joints])
@@ -307,7 +307,7 @@ def random_moves(robot: Robot, moves: int, reach: float, random: Random) -> Traj
 
 
 def _check_move(robot: Robot, start: FloatArray, goal: FloatArray) -> None:
-    """Raise InputError unless the robot can move so."""
+    """Raise InputError if the robot cannot make the move."""
     composer = Composer(robot, start)
     composer.go(goal)
     plan_stretched(robot, composer.sequence(), None)

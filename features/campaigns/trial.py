@@ -1,7 +1,7 @@
-"""Draw one run of a campaign: its seed alone makes it again.
+"""Draw one run of a campaign from its seed alone.
 
-Each quantity has a generator of its own, seeded by the run's seed and the quantity's name. So a campaign to which a
-parameter is added draws the same robots, motions and faults as before.
+Each quantity has a generator of its own, seeded by the run's seed and the quantity's name. So another parameter in the
+campaign does not change the drawn robots, motions and faults.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -37,19 +37,19 @@ _Choice = TypeVar("_Choice", bound=_Weighted)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trial:
-    """One run of a campaign, drawn.
+    """A drawn run of a campaign.
 
     Attributes:
         seed: its seed.
         robot_name: the robot's name in the campaign.
         motion: its motion's name.
-        options: what was drawn for the motion, by name.
+        options: drawn options of the motion, by name.
         scenario: its scenario's name.
-        table: the scenario's table; instants may be parts of the motion.
-        varied: the value of each parameter that varies.
-        setup: the robot as varied, and how the run is made.
+        table: the scenario's table; instants may be fractions of the motion.
+        varied: value of each varied parameter.
+        setup: the varied robot and the settings of the run.
         trajectory: the motion.
-        slowable: whether it may be slower than drawn.
+        slowable: True if it may be slower than drawn.
         recover: True to recover the machine afterwards.
         motors: when its motors turn; None: never.
     """
@@ -68,9 +68,9 @@ class Trial:
     motors: MotorsTurn | None = None
 
     def plan(self) -> Plan:
-        """Plan the motion; raise InputError if the robot, as varied, cannot make it.
+        """Plan the motion; raise InputError if the varied robot cannot make it.
 
-        Random moves that are too fast for it, as with more microsteps, take as long as they must.
+        Random moves that are too fast, as with more microsteps, become slower.
         """
         robot, stretch, record_ms = self.setup.robot, self.setup.stretch, self.setup.record_ms
         try:
@@ -81,10 +81,10 @@ class Trial:
             return plan_stretched(robot, self.trajectory, None, record_ms)
 
     def scenario_in(self, plan: Plan) -> Scenario | None:
-        """Return the scenario in a motion as planned; None without a fault.
+        """Return the scenario for a planned motion; None without a fault.
 
         Raises:
-            InputError: something in it is wrong, or the robot lacks what a fault concerns.
+            InputError: it is invalid, or the robot lacks the target of a fault.
         """
         if not self.table.get("fault"):
             return None
@@ -97,16 +97,16 @@ class Trial:
 
     @property
     def scenario_seed(self) -> int:
-        """The seed of what is random in the scenario, unless its table has one."""
+        """Seed of the scenario's random parts, unless its table has one."""
         return self.seed % (SEED_MAX + 1)
 
     def with_table(self, table: Mapping[str, Any]) -> "Trial":
-        """Return the same run with another scenario."""
+        """Return the run with another scenario."""
         return replace(self, table=table)
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """Everything that was drawn, by a name that says where."""
+        """All drawn values, by a name with their place."""
         return {
             **self.varied,
             **{f"{self.motion}.{name}": value for name, value in self.options.items()},
@@ -115,7 +115,7 @@ class Trial:
 
 
 def draw(campaign: Campaign, seed: int) -> Trial:
-    """Draw the run of a seed; raise InputError, with the part of the campaign, for one that cannot be made."""
+    """Draw the run of a seed; raise InputError, with the part of the campaign, if it is impossible."""
     name = _stream(seed, "robot").choice(list(campaign.robots))
     robot = campaign.robots[name]
     motion = _weighted([each for each in campaign.motion if name in each.robots], _stream(seed, "motion"))
@@ -165,13 +165,13 @@ def _leaves(place: str, value: Any) -> Iterator[tuple[str, Any]]:
 
 
 def with_varied_file(trial: Trial) -> Trial:
-    """Return the same run with a robot whose file says what was varied.
+    """Return the run with a robot whose file has the varied values.
 
-    A file may not state speeds for which the drivers cannot step fast enough, as with more microsteps. There it states
-    the highest speed that they manage: the run was no faster.
+    A file may not have speeds beyond the drivers' step rate, as with more microsteps. Such speeds become the highest
+    possible ones; the run was no faster.
 
     Raises:
-        InputError: the robot's file cannot say what was varied.
+        InputError: the robot's file has no key for a varied value.
     """
     robot = trial.setup.robot
     text = _varied_text(robot, f"# {robot.name} as drawn for seed {trial.seed} of a campaign\n")
@@ -197,7 +197,7 @@ def _varied_text(robot: Robot, head: str) -> str:
 
 
 def _within(joint: Joint, rate_max_hz: float) -> Joint:
-    """Return a joint that is as fast as its driver manages, if it were faster."""
+    """Return a joint with its speed limited to the driver's step rate."""
     if joint.step_rate_max_hz <= rate_max_hz:
         return joint
     fastest = rate_max_hz / joint.transmission.steps_per_unit

@@ -65,7 +65,7 @@ def drawn(template: Template, random: Random, robot: Robot) -> Any:
 
 
 def placed(value: Any, plan: Plan, *, joint: str | None = None) -> Any:
-    """Return a drawn table with its parts of the motion as seconds and as positions of the joint beside them."""
+    """Return a drawn table with fractions of the motion converted to seconds, or to positions of the joint there."""
     if isinstance(value, dict):
         beside = value.get("joint", joint)
         return {key: placed(item, plan, joint=beside) for key, item in value.items()}

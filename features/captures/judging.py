@@ -32,7 +32,7 @@ from steptwin.host.verify import (
     verify_comparison,
 )
 from steptwin.host.verify.clock_fit import ClockFit, fit_clock
-from steptwin.host.verify.clock_line import SeenSteps
+from steptwin.host.verify.clock_line import CapturedSteps
 from steptwin.host.verify.figures import clk_high_us_min, clk_low_us_min, peak_rate_hz, reversals
 from steptwin.host.verify.gates import TOLERANCE_STEPS
 from steptwin.host.verify.net_counts import WHOLE_STEPS
@@ -264,7 +264,7 @@ def judge_capture(
     planned = [expected.axis_position(axis, np.zeros(1))[0] for axis in range(len(robot.axis_names))]
     at_zero = tuple(round(float(position)) for position in planned)
     ideal = ideal_steps(expected.axis_motion, expected.steps_per_unit, at_zero)
-    moved = [SeenSteps(each.rises_s, each.signs_at(each.rises_s)) for each in at_active_edges(signals, drivers)]
+    moved = [CapturedSteps(each.rises_s, each.signs_at(each.rises_s)) for each in at_active_edges(signals, drivers)]
     clock = fit_clock(ideal, moved)
     before = [int(steps.signs[steps.time_s < clock.offset_s].sum()) for steps in moved]
     begun = [_begun_at(expected, axis, zero, moved[axis], clock) for axis, zero in enumerate(at_zero)]
@@ -276,7 +276,7 @@ def judge_capture(
     return CapturedRun(capture, wiring, signals, clock, seen, comparison, verify_comparison(comparison, run), judge)
 
 
-def _begun_at(expected: Expectation, axis: int, nearest: int, steps: SeenSteps, clock: ClockFit) -> int:
+def _begun_at(expected: Expectation, axis: int, nearest: int, steps: CapturedSteps, clock: ClockFit) -> int:
     """Return the count at the plan's t = 0: the nearest one, or the one cut towards zero if it was cut.
 
     No pin tells it. A controller that cuts shows it where the motion passes through zero: only with the count cut at

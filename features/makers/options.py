@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from steptwin.host.cli.asking import ask, on_terminal
 from steptwin.host.cli.options import option
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
@@ -35,10 +36,17 @@ class ConfigurationOptions:
         if kind not in (None, KIND):
             raise InputError(f"--kind {kind}: a controller's configuration makes a {KIND}: leave --kind out")
         from steptwin.features.makers.configurations.known import CONTROLLERS, read_configuration
-        from steptwin.features.makers.robot_file import robot_of
+        from steptwin.features.makers.robot_file import missing_figures, robot_of
 
         if self.controller is not None and self.controller not in CONTROLLERS:
             raise unknown("--controller", self.controller, CONTROLLERS)
         with prefixed(f"{original}: "):
             found = read_configuration(Path(original), self.controller)
+            if on_terminal():
+                for key, what in missing_figures(found, given).items():
+
+                    def check(text: str, key: str = key) -> None:
+                        missing_figures(found, {**given, key: text})
+
+                    given[key] = ask(f"{key}, {what}", None, check)
             return robot_of(name, found, given, original)

@@ -10,13 +10,13 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.numbers import finite_number
 from steptwin.host.robots import read_robot
 from steptwin.host.robots.joint import Unit
-from steptwin.host.robots.motor import MOTORS
-from steptwin.host.robots.new_file import DRIVER_PROFILE, NewRobot, toml_lines
+from steptwin.host.robots.new_file import DRIVER_PROFILE, NewRobot
 from steptwin.host.robots.new_joint import FULL_STEPS_PER_REV, board_of, board_with
+from steptwin.host.robots.new_motors import ASSUMED, MASS, MOTOR, SUPPLY, NewMotors
+from steptwin.host.robots.toml_text import toml_lines
 
 KIND: Final = "cartesian"
 ROTARY: Final = "C"
-_ASSUMED: Final = "ASSUMED"
 _DRIVERS: Final = ("a4988", "drv8825", "tmc2209")
 """Drivers that are assumed where a file names none: the first that makes all microsteps."""
 _MICROSTEPS: Final = 16
@@ -28,8 +28,13 @@ _SLOWER: Final = 5.0
 _BELTS: Final = "belts"
 _AXES: Final = "axes"
 _COREXY: Final = "corexy"
-_NEEDED: Final = ("lower", "upper", "speed_max", "acceleration_max")
-"""Figures that each axis must have."""
+_NEEDED: Final = {
+    "lower": "least position in {}",
+    "upper": "greatest position in {}",
+    "speed_max": "highest speed in {}/s",
+    "acceleration_max": "highest acceleration in {}/s2",
+}
+"""Figures that each axis must have, with their meanings."""
 _OF_AXES: Final = (*_NEEDED, "microsteps", "full_steps_per_rev")
 """Figures of an axis that a setting of the same name replaces."""
 _COUPLING: Final = """\
@@ -47,17 +52,15 @@ def robot_of(name: str, configuration: Configuration, settings: Mapping[str, str
         configuration: what the controller's file says.
         settings: values as texts, which go before the file's: `axes`, `belts`, `driver_profile`, and of an axis
             `X.lower`, `X.upper`, `X.speed_max`, `X.acceleration_max`, `X.microsteps`, `X.full_steps_per_rev`,
-            `X.travel_per_turn` or `X.ratio`, `X.motor`.
+            `X.travel_per_turn` or `X.ratio`, `X.motor`, `X.mass_kg`; and `supply_v`.
         source: name of the controller's file, for the comments.
 
     Raises:
         InputError: the configuration and the settings leave open what a robot needs, or it would be no robot.
     """
-    axes = _chosen(configuration.axes, settings.get(_AXES))
-    _check_settings(settings, axes)
+    axes = _axes(configuration, settings)
     corexy = _is_corexy(configuration, settings)
-    axes = tuple(_with_settings(axis, settings) for axis in axes)
-    if missing := [f"{axis.name}.{key}" for axis in axes for key in _NEEDED if getattr(axis, key) is None]:
+    if missing := list(missing_figures(configuration, settings)):
         given = " ".join(f"--set {each}=..." for each in missing)
         raise InputError(f"{configuration.controller} says nothing of {', '.join(missing)}: add {given}")
     drivers, of_drivers, fill_in = _drivers(axes, settings)
@@ -74,25 +77,52 @@ def robot_of(name: str, configuration: Configuration, settings: Mapping[str, str
     notes += _moved_switches(axes)
     if configuration.left_out:
         notes.append(f"not read: {', '.join(configuration.left_out)}")
-    notes += [f"fill in: {each}" for each in fill_in]
+    with prefixed("--set "):
+        said = NewMotors.of(settings)
+    letters = {axis.name: _letter(axis) for axis in axes}
+    motors = replace(
+        said,
+        models={letters[name]: model for name, model in said.models.items()},
+        masses_kg={letters[name]: mass_kg for name, mass_kg in said.masses_kg.items()},
+    )
+    units = {_letter(axis): axis.unit for axis in axes}
+    notes += [f"fill in: {each}" for each in (*fill_in, *motors.assumptions(units))]
     text = "\n".join(
         [
-            _HEAD.format(controller=configuration.controller, source=source, assumed=_ASSUMED),
+            _HEAD.format(controller=configuration.controller, source=source, assumed=ASSUMED),
             toml_lines({"name": name, "title": f"{name}, made of a configuration of {configuration.controller}"}, {}),
             f'[kinematics]\nkind = "{KIND}"\naxes = "{"".join(_letter(axis) for axis in axes)}"\n',
             *([_COUPLING] if corexy else []),
             "[board]\n" + _lines({DRIVER_PROFILE: (drivers, of_drivers), **pulses, **_current(axes, drivers)}),
-            *(
-                _joint_text(axis, transmissions[axis.name], settings, coupled=corexy and axis.name in "XY")
-                for axis in axes
-            ),
+            *(_joint_text(axis, transmissions[axis.name], coupled=corexy and axis.name in "XY") for axis in axes),
             "[home] # where the machine is taken after homing\n"
             + _lines({_letter(axis): _home(axis) for axis in axes}),
+            motors.text(units),
         ]
     )
     read_robot(text)
     joints = tuple(_letter(axis) for axis in axes)
     return NewRobot(text, KIND, {"axes": "".join(joints)}, joints, tuple(notes))
+
+
+def missing_figures(configuration: Configuration, settings: Mapping[str, str]) -> dict[str, str]:
+    """Return the meaning of each figure that a robot needs and nobody has given, by its key, such as `X.upper`.
+
+    Raises:
+        InputError: a setting is unknown or no value.
+    """
+    return {
+        f"{axis.name}.{key}": what.format(axis.unit)
+        for axis in _axes(configuration, settings)
+        for key, what in _NEEDED.items()
+        if getattr(axis, key) is None
+    }
+
+
+def _axes(configuration: Configuration, settings: Mapping[str, str]) -> tuple[AxisFound, ...]:
+    axes = _chosen(configuration.axes, settings.get(_AXES))
+    _check_settings(settings, axes)
+    return tuple(_with_settings(axis, settings) for axis in axes)
 
 
 _HEAD: Final = """\
@@ -119,10 +149,10 @@ def _chosen(axes: Sequence[AxisFound], letters: str | None) -> tuple[AxisFound, 
 
 def _check_settings(settings: Mapping[str, str], axes: Sequence[AxisFound]) -> None:
     names = {axis.name for axis in axes}
-    known = [_AXES, _BELTS, DRIVER_PROFILE]
+    known = [_AXES, _BELTS, DRIVER_PROFILE, SUPPLY]
     for axis in axes:
         turn = "travel_per_turn" if axis.unit is Unit.MM else "ratio"
-        known += [f"{axis.name}.{key}" for key in (*_OF_AXES, turn, "motor")]
+        known += [f"{axis.name}.{key}" for key in (*_OF_AXES, turn, MOTOR, MASS)]
     for key in settings:
         if key not in known:
             name = key.partition(".")[0]
@@ -160,7 +190,7 @@ def _drivers(axes: Sequence[AxisFound], settings: Mapping[str, str]) -> tuple[st
         wanted = {axis.microsteps.value for axis in axes if axis.microsteps is not None}
         made = {name: set(board_of(name).profile.chip.microsteps) for name in _DRIVERS}
         assumed = next((name for name in _DRIVERS if wanted <= made[name]), _DRIVERS[-1])
-        return assumed, _ASSUMED, [f"{DRIVER_PROFILE}: {assumed} is assumed; --set {DRIVER_PROFILE}=NAME"]
+        return assumed, ASSUMED, [f"{DRIVER_PROFILE}: {assumed} is assumed; --set {DRIVER_PROFILE}=NAME"]
     names = dict.fromkeys(each.profile for each in found)
     others = [name for name in names if name != found[0].profile]
     several = f"{DRIVER_PROFILE}: a board here has drivers of one kind, and {', '.join(others)} is another"
@@ -173,15 +203,16 @@ def _transmission(axis: AxisFound, settings: Mapping[str, str], drivers: str) ->
     Microsteps times full steps over the travel per turn are the controller's steps per unit, to the last digit.
     """
     key = "travel_per_turn" if axis.unit is Unit.MM else "ratio"
-    full = axis.full_steps_per_rev or Figure(FULL_STEPS_PER_REV, f"{_ASSUMED}: a motor of 1.8 deg", assumed=True)
+    full = axis.full_steps_per_rev or Figure(FULL_STEPS_PER_REV, f"{ASSUMED}: a motor of 1.8 deg", assumed=True)
     steps = axis.steps_per_unit
     text = settings.get(f"{axis.name}.{key}")
     fill_in = []
     microsteps = axis.microsteps
     if text is not None:
-        turn = finite_number(text)
-        if not turn > 0:
-            raise InputError(f"--set {axis.name}.{key}: {turn:g} is not above 0")
+        with prefixed(f"--set {axis.name}.{key}: "):
+            turn = finite_number(text)
+            if not turn > 0:
+                raise InputError(f"{turn:g} is not above 0")
         per_turn = turn if axis.unit is Unit.MM else 360.0 / turn
         made = steps.value * per_turn / full.value
         if abs(made - round(made)) > 1e-6 * made or not round(made):
@@ -193,7 +224,7 @@ def _transmission(axis: AxisFound, settings: Mapping[str, str], drivers: str) ->
         origin = f"--set {axis.name}.{key}={text}"
     else:
         if microsteps is None:
-            microsteps = Figure(_nearest_made(drivers), f"{_ASSUMED}, as the driver is set")
+            microsteps = Figure(_nearest_made(drivers), f"{ASSUMED}, as the driver is set")
             fill_in.append(
                 f"{axis.name}: {steps.value:g} steps per {axis.unit} are sure, {microsteps.value:g} microsteps are"
                 f" assumed: --set {axis.name}.microsteps=N or --set {axis.name}.{key}=..."
@@ -269,10 +300,10 @@ def _home(axis: AxisFound) -> tuple[float, str]:
     assert axis.lower is not None
     assert axis.upper is not None
     place = axis.endstop.value if axis.endstop is not None else 0.0
-    return min(max(place, axis.lower.value), axis.upper.value), "the switch" if axis.endstop is not None else _ASSUMED
+    return min(max(place, axis.lower.value), axis.upper.value), "the switch" if axis.endstop is not None else ASSUMED
 
 
-def _joint_text(axis: AxisFound, transmission: Mapping[str, Any], settings: Mapping[str, str], *, coupled: bool) -> str:
+def _joint_text(axis: AxisFound, transmission: Mapping[str, Any], *, coupled: bool) -> str:
     assert axis.speed_max is not None
     assert axis.acceleration_max is not None
     motors = {"axis_speed_max": axis.speed_max, "axis_acceleration_max": axis.acceleration_max} if coupled else {}
@@ -280,19 +311,15 @@ def _joint_text(axis: AxisFound, transmission: Mapping[str, Any], settings: Mapp
     for key in _NEEDED:
         figures[key] = getattr(axis, key)
     for key, figure in motors.items():
-        figures[key] = figure._replace(origin=f"{_ASSUMED}: as the slide's; along a diagonal a motor turns faster")
+        figures[key] = figure._replace(origin=f"{ASSUMED}: as the slide's; along a diagonal a motor turns faster")
     parts = [f"[joints.{_letter(axis)}]\n" + _lines({**figures, **transmission})]
     if axis.second_motor:
         second = {
             "name": (f"{axis.name}2", axis.second_motor),
-            "skew_max": (_SKEW_MM, f"{_ASSUMED}: the ends may differ"),
+            "skew_max": (_SKEW_MM, f"{ASSUMED}: the ends may differ"),
         }
         parts.append(f"[joints.{_letter(axis)}.second_motor]\n" + _lines(second))
     parts += _homing(axis)
-    if motor := settings.get(f"{axis.name}.motor"):
-        if motor not in MOTORS:
-            raise unknown(f"--set {axis.name}.motor:", motor, MOTORS)
-        parts.append(f"[joints.{_letter(axis)}.motor]\n" + _lines({"model": (motor, "--set")}))
     return "\n".join(parts)
 
 
@@ -303,9 +330,9 @@ def _homing(axis: AxisFound) -> Iterator[str]:
     assert axis.upper is not None
     assert axis.speed_max is not None
     name = _letter(axis)
-    search = axis.search_speed or Figure(axis.speed_max.value / _SLOWER, _ASSUMED)
+    search = axis.search_speed or Figure(axis.speed_max.value / _SLOWER, ASSUMED)
     search = min(search, axis.speed_max, key=lambda each: each.value)
-    zero = axis.zero_speed or Figure(search.value / _SLOWER, _ASSUMED)
+    zero = axis.zero_speed or Figure(search.value / _SLOWER, ASSUMED)
     speeds = {
         "search_speed": search,
         "zero_speed": min(zero, search, key=lambda each: each.value),
@@ -320,7 +347,7 @@ def _homing(axis: AxisFound) -> Iterator[str]:
     )
     told = "" if axis.endstop is None else f"{axis.endstop.value:g}: {axis.endstop.origin}; "
     beyond = end.value + axis.home_direction * _BEYOND_MM
-    note = f"{told}{_ASSUMED}: {_BEYOND_MM:g} beyond the range, within which no switch is closed here"
+    note = f"{told}{ASSUMED}: {_BEYOND_MM:g} beyond the range, within which no switch is closed here"
     yield f"[joints.{name}.switches]\n" + _lines({key: (beyond, note)})
     yield f"[joints.{name}.homing]\n" + _lines({"method": (method, "towards the switch, then away from it"), **speeds})
 
@@ -345,7 +372,7 @@ def _lines(figures: Mapping[str, Any]) -> str:
     notes = {}
     for key, figure in figures.items():
         origin = " ".join(str(figure[1]).split())
-        assumed = isinstance(figure, Figure) and figure.assumed and not origin.startswith(_ASSUMED)
+        assumed = isinstance(figure, Figure) and figure.assumed and not origin.startswith(ASSUMED)
         if origin:
-            notes[key] = f"{_ASSUMED}: {origin}" if assumed else origin
+            notes[key] = f"{ASSUMED}: {origin}" if assumed else origin
     return toml_lines(values, notes)

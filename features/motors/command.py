@@ -1,4 +1,4 @@
-"""`steptwin motors DIR|ROBOT`: turn the motors by a stored run, or tell which motors would do for a robot."""
+"""`steptwin motors DIR|ROBOT`: turn the rotors of a stored run, or compare a robot's motors with its needs."""
 
 from dataclasses import dataclass
 from dataclasses import replace as replace_fields
@@ -27,13 +27,15 @@ from steptwin.host.common.choices import name_value_pairs
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from steptwin.features.motors.sizing.fitting import Fit, JointFit
     from steptwin.features.motors.turning.ramps import JointRamp
     from steptwin.host.robots.robot import Robot
 
 
-def tell_fits(answer: AnswerOptions, robot: "Robot", current_a: float | None) -> None:
-    """Print how a robot's motors, and those of the catalogue, would do at the limits of its joints."""
+def report_fits(answer: AnswerOptions, robot: "Robot", current_a: float | None) -> None:
+    """Print the torque margins of a robot's motors, and of the catalogue's, at the limits of its joints."""
     from steptwin.features.motors.sizing.fitting import fits_of
     from steptwin.features.motors.turning import check_described
     from steptwin.features.motors.turning.driving import check_current
@@ -86,7 +88,7 @@ _OWN: Final[Columns] = {
 
 
 def warn_of_steep_homings(fits: "tuple[JointFit, ...]") -> None:
-    """Warn of each joint whose homing accelerates it harder than the motors manage."""
+    """Warn of each joint that accelerates harder in its homing than its motor can."""
     from steptwin.features.motors.turning.ramps import steep_homing
 
     for fit in fits:
@@ -95,22 +97,22 @@ def warn_of_steep_homings(fits: "tuple[JointFit, ...]") -> None:
 
 
 def print_ramps(fits: "tuple[JointFit, ...]") -> None:
-    """Print the accelerations of each joint, in motion and as it is homed, and those that the motors manage."""
+    """Print each joint's acceleration limits, in motion and in homing, beside those that the motors allow."""
     heads = ["joint", "unit", "acceleration_max", "motors manage", "homing", "motors manage"]
     rows = [
         [
             fit.name,
             f"{fit.unit}/s2",
-            *_asked_and_managed(fit.moving, fit.name),
-            *(("-", "-") if fit.homing is None else _asked_and_managed(fit.homing, fit.name)),
+            *_accelerations_text(fit.moving, fit.name),
+            *(("-", "-") if fit.homing is None else _accelerations_text(fit.homing, fit.name)),
         ]
         for fit in fits
     ]
     print_table(heads, rows, text_columns=2)
 
 
-def _asked_and_managed(ramp: "JointRamp", name: str) -> tuple[str, str]:
-    """Return both in words, with the joint whose motor manages no more if it is another one."""
+def _accelerations_text(ramp: "JointRamp", name: str) -> tuple[str, str]:
+    """Return the set and the highest possible acceleration as text; name the limiting joint if it is another one."""
     weakest = "" if ramp.weakest == name else f"{ramp.weakest}: "
     return f"{ramp.asked:g}", f"{weakest}{ramp.managed:.0f}"
 
@@ -132,7 +134,7 @@ def _print_others(fits: "tuple[JointFit, ...]") -> None:
 
 
 def _cell(fit: "Fit") -> str:
-    """Return the margin; with the speed where it falls short if the motor would not do."""
+    """Return the margin as text; if the motor is too weak, with the speed of the least margin."""
     percent = f"{100 * fit.margin:.0f}" if fit.margin > -1.0 else "none"
     return percent if fit.would_do else f"{percent} at {fit.rpm:.0f}"
 
@@ -143,7 +145,7 @@ def _shortage(fit: "Fit") -> str:
 
 @dataclass(frozen=True, slots=True)
 class CycleOptions:
-    """The options that let a program be as fast as motors manage."""
+    """Options for the duration of a program by torque reserve."""
 
     program: str | None = option("FILE", "Program of ROBOT: how long it takes by the torque that is to be left.")
     instead: list[str] | None = option(
@@ -151,8 +153,8 @@ class CycleOptions:
     )
 
 
-def tell_cycles(answer: AnswerOptions, robot: "Robot", asked: CycleOptions, out: Path | None) -> None:
-    """Print how long a program takes by the torque that the motors are to have left, and draw it."""
+def report_cycles(answer: AnswerOptions, robot: "Robot", asked: CycleOptions, out: Path | None) -> None:
+    """Print the duration of a program for each torque reserve of the motors, and draw it."""
     from steptwin.features.motors.sizing.fitting import cycle_times, with_motors_of
     from steptwin.host.planning.programs import compile_program, read_program
 
@@ -214,24 +216,24 @@ def motors(
         robot = load.on(which.robot(subject))
         if cycle.program is not None:
             keep_cycles(out, replace=replace)
-            tell_cycles(which, robot, cycle, out)
+            report_cycles(which, robot, cycle, out)
             return
         if cycle.instead:
             raise InputError(f"--instead {cycle.instead[0]}: goes with --program")
         for option, given in (("--margin", margin), ("--out", out is not None)):
             if given:
                 raise InputError(f"{option}: is for the folder of a run, not for a robot")
-        tell_fits(which, robot, load.current)
+        report_fits(which, robot, load.current)
         return
     if cycle.program is not None or cycle.instead:
         raise InputError("--program: is for a robot, not for the folder of a run")
     if out is not None:
         keep_pictures(out, replace=replace)
-    _tell_run(which, Path(subject), load, out, margin=margin)
+    _report_run(which, Path(subject), load, out, margin=margin)
 
 
 def _is_robot(subject: str) -> bool:
-    """Return whether a word means a robot; raise InputError if it is nothing at all."""
+    """Return True for a robot's name or file, False for a run folder; raise InputError if it is neither."""
     from steptwin.host.robots import robot_names
 
     if subject in robot_names() or subject.endswith(".toml"):
@@ -241,7 +243,7 @@ def _is_robot(subject: str) -> bool:
     return False
 
 
-def _tell_run(answer: AnswerOptions, folder: Path, load: LoadOptions, out: Path | None, *, margin: bool) -> None:
+def _report_run(answer: AnswerOptions, folder: Path, load: LoadOptions, out: Path | None, *, margin: bool) -> None:
     from steptwin.host.record.folder import read_run
 
     run = read_run(folder)
@@ -251,7 +253,8 @@ def _tell_run(answer: AnswerOptions, folder: Path, load: LoadOptions, out: Path 
     ran = motors_of(robot, run.comparison, run.report.driver_profile, load.current)
     margins = margins_of(ran, run.comparison) if margin else None
     document = {"robot": robot.name, "job": run.report.document["job"], "motors": ran.verdict.to_dict()}
-    in_words = [
+    in_words: list[str | Callable[[], None]] = [
+        f"{robot.name}: {ran.verdict.answer}",
         lambda: print_motors(ran.verdict),
         lambda: warn_of_payloads(run.report.document, ran.verdict.payload_kg),
     ]

@@ -1,6 +1,6 @@
-"""What the rotors of a machine have done, as evidence: of a board that runs on, of a run, of a stored run."""
+"""Evidence of rotors, of a served board, a run or a stored run, and its judgement."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -10,13 +10,15 @@ from steptwin.features.motors import NAME
 from steptwin.features.motors.turning.after_run import RotorSlip, RotorTrace
 from steptwin.features.motors.turning.drives import check_described
 from steptwin.features.motors.turning.verdict import AMBIENT_CELSIUS, MotorVerdict
+from steptwin.host.common.tables import Table
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import Evidence
+from steptwin.host.verify.comparison import Comparison
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 
 class RotorEvidence(Protocol):
-    """What rotors have done; times are those of the motion whose t = 0 is given."""
+    """What rotors have done; `start_counts` is the motion's t = 0, from which times count."""
 
     def slips(self, start_counts: int) -> Sequence[RotorSlip]:
         """Return the axes whose rotors have slipped."""
@@ -33,11 +35,11 @@ class RotorFacts:
 
     Attributes:
         name: axis.
-        load_angle_deg: greatest load angle, electrical degrees.
-        load_angle_counts: its instant.
-        first_slip_counts: None without a slip.
-        lost_full_steps: with sign.
-        winding_celsius: from 25 degC at power-up.
+        load_angle_deg: greatest load angle in electrical degrees.
+        load_angle_counts: instant of the greatest load angle.
+        first_slip_counts: instant of the first slip; None without one.
+        lost_full_steps: full steps lost, with sign.
+        winding_celsius: temperature of the windings; 25 degC at power-up.
     """
 
     name: str
@@ -50,7 +52,7 @@ class RotorFacts:
 
 @dataclass(frozen=True, slots=True)
 class RotorsSoFar:
-    """What all rotors of a robot have done since power-up, in figures."""
+    """Extremes of all rotors of a robot since power-up."""
 
     robot: Robot
     rotors: tuple[RotorFacts, ...]
@@ -87,7 +89,7 @@ class RotorsSoFar:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RotorsOfRun:
-    """What the rotors of a robot did in a run, with the boards or after it; `verdict` judges them by the plan."""
+    """Rotors of a run, turned with the boards or after them; `verdict` judges them by the plan."""
 
     robot: Robot
     trace: RotorTrace
@@ -98,7 +100,7 @@ class RotorsOfRun:
         return self.trace.slips(self.robot.axis_names, start_counts)
 
     def document(self, start_counts: int) -> dict[str, Any]:
-        """Return the verdict as plain values for JSON; without one what is known without a plan."""
+        """Return the verdict as plain values for JSON; without a plan, only the rotors' figures."""
         return self._figures.document(start_counts) if self.verdict is None else self.verdict.to_dict()
 
     @property
@@ -123,12 +125,12 @@ class RotorsOfRun:
 
 @dataclass(frozen=True, slots=True)
 class StoredRotors:
-    """What a stored run says of its rotors, in its motion's time.
+    """Rotors of a stored run, in its motion's time.
 
     Attributes:
-        told: the document.
-        joints: the joints' names.
-        slipped: those that have slipped.
+        told: the stored document.
+        joints: names of the joints.
+        slipped: the slips.
     """
 
     told: Mapping[str, Any]
@@ -145,7 +147,7 @@ class StoredRotors:
 
 
 def trace_of(evidence: Evidence) -> RotorTrace | None:
-    """Return what the rotors did in a run; None if none turned, or the run was stored."""
+    """Return the trace of a run's rotors; None if no rotors turned or the run was stored."""
     seen = evidence.features.get(NAME)
     return seen.trace if isinstance(seen, RotorsOfRun) else None
 
@@ -154,3 +156,42 @@ def slips_of(evidence: Evidence) -> Sequence[RotorSlip]:
     """Return the axes whose rotors have slipped in a run; none if no rotors turned."""
     seen: RotorEvidence | None = evidence.features.get(NAME)
     return () if seen is None else seen.slips(evidence.start_counts)
+
+
+# --- judgement: this module is the feature's `FeatureJudge`; no rotor may slip
+
+
+def reasons(rotors: RotorEvidence, _planned: None, start_counts: int) -> list[str]:
+    """Return one line for each rotor that has slipped; `start_counts` is the motion's t = 0."""
+    return list(map(str, rotors.slips(start_counts)))
+
+
+def document(rotors: RotorEvidence, start_counts: int) -> dict[str, Any]:
+    """Return the motors' part of report.json."""
+    return rotors.document(start_counts)
+
+
+def contradictions(rotors: RotorEvidence, comparison: Comparison) -> Iterator[str]:
+    """Yield a line if stored rotors are not those of the axes: what they did shows in no count of a driver."""
+    if isinstance(rotors, StoredRotors) and rotors.joints != comparison.axis_names:
+        yield f"motors: those of {', '.join(rotors.joints)}, but the axes are {', '.join(comparison.axis_names)}"
+
+
+def stored(rotors: RotorEvidence, _planned: None, start_counts: int) -> dict[str, Any]:
+    """Return what motors.json holds: the document."""
+    return rotors.document(start_counts)
+
+
+def read(table: Table) -> tuple[StoredRotors, None]:
+    """Return the evidence from motors.json; raise InputError for a key that is missing or of another kind."""
+    table.truth("kept_step")
+    joints = table.each("joints", _joint)
+    slipped = tuple(slip for _, slip in joints if slip is not None)
+    return StoredRotors(table.values, tuple(name for name, _ in joints), slipped), None
+
+
+def _joint(table: Table) -> tuple[str, RotorSlip | None]:
+    name, lost_full_steps = table.text("name"), table.number("lost_full_steps")
+    if table.is_null("first_slip_s"):
+        return name, None
+    return name, RotorSlip(name, table.number("first_slip_s"), lost_full_steps)

@@ -1,4 +1,4 @@
-"""When the motors of an emulated machine turn."""
+"""Options of an emulated machine's motors."""
 
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -8,12 +8,12 @@ from steptwin.host.twin.machine.machine_options import SPELLING, Spelling
 
 
 class MotorsTurn(StrEnum):
-    """When the motors of a run turn, if they do."""
+    """When the motors of a run turn."""
 
     AFTER = "after"
     """After the run, by its record."""
     IN_LOOP = "loop"
-    """As it goes, so that the switches follow the rotors."""
+    """During the run, so the switches follow the rotors."""
 
 
 _MOTORS: Final = Spelling(
@@ -28,10 +28,10 @@ _MOTORS: Final = Spelling(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotorOptions:
-    """The motors of an emulated machine; `motors` says whether they turn with its boards."""
+    """Option of an emulated machine: True if its motors turn with its boards."""
 
     motors: bool = field(default=False, metadata={SPELLING: _MOTORS})
 
     def over(self, other: "MotorOptions") -> "MotorOptions":
-        """Return other options, with those of these that are no defaults in place of theirs."""
+        """Return `other`, with the values of this object that are not defaults in place of its own."""
         return MotorOptions(motors=self.motors or other.motors)

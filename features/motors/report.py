@@ -1,4 +1,4 @@
-"""What `run --motors` and `motors` say of a robot's motors."""
+"""Printed reports, files and options of `run --motors` and `motors`."""
 
 import time
 from collections.abc import Iterable, Mapping, Sequence
@@ -22,16 +22,19 @@ if TYPE_CHECKING:
     from steptwin.host.client import Progress
     from steptwin.host.robots.robot import Robot
     from steptwin.host.verify import Comparison, RunInfo
+from collections.abc import Iterator
+
+from steptwin.features.motors.evidence import RotorsSoFar
 
 _SURE_AFTER_S: Final = 1.0
-"""Time after which an estimate is good enough to tell."""
+"""Time after which an estimated duration is printed."""
 _LONG_S: Final = 10.0
-"""Duration from which on it is told."""
+"""Least duration that is announced."""
 
 
 @dataclass(frozen=True, slots=True)
 class LoadOptions:
-    """The options that load motors otherwise than the robot's file or the run."""
+    """Options that change payload, current or supply against the robot's file or the run."""
 
     payload: float | None = option("KG", "Mass at the tool instead of the robot file's.", read=finite_number)
     supply: float | None = option("V", "Supply of the drivers instead of the robot file's.", read=finite_number)
@@ -40,7 +43,7 @@ class LoadOptions:
     )
 
     def on(self, robot: "Robot") -> "Robot":
-        """Return a robot with this payload and supply; raise InputError for one that cannot be."""
+        """Return a robot with this payload and supply; raise InputError for impossible values."""
         check_motors(robot)
         if robot.dynamics is None:
             return robot
@@ -59,7 +62,7 @@ class LoadOptions:
 
 
 def check_motors(robot: "Robot") -> None:
-    """Raise InputError, with the missing key, unless a robot's file describes its motors and masses."""
+    """Raise InputError, with the missing key, if a robot's file does not describe its motors and masses."""
     from steptwin.features.motors.turning import check_described
 
     check_described(robot)
@@ -72,9 +75,9 @@ def motors_of(
     current_a: float | None = None,
     trace: "RotorTrace | None" = None,
 ) -> "MotorRun":
-    """Turn the rotors by a run's record and judge what they did; `current_a` is what --current says.
+    """Turn the rotors by a run's record and judge them; `current_a` is the value of --current.
 
-    `drivers` names those of the run. With a `trace` the rotors have turned with the run already.
+    `drivers` names those of the run. A `trace` comes from rotors that have turned with the run already.
     """
     from steptwin.features.motors.turning import motors_of_run
     from steptwin.host.twin.machine.drivers import driver_profile, other_drivers
@@ -87,7 +90,7 @@ def motors_of(
 
 
 def margins_of(ran: "MotorRun", comparison: "Comparison") -> "MotorMargins":
-    """Search how far a run is from losing steps."""
+    """Search by how much a run keeps step."""
     from steptwin.features.motors.sizing.margins import margins_of_run, searches_of
 
     searches = searches_of(ran.driving, comparison)
@@ -100,7 +103,7 @@ def margins_of(ran: "MotorRun", comparison: "Comparison") -> "MotorMargins":
 
 
 def write_motor_pictures(folder: "Path", ran: "MotorRun", run: "RunInfo", names: Iterable[str] | None = None) -> None:
-    """Draw pictures of a run's motors into a folder, by default all of them."""
+    """Draw pictures of a run's motors into a folder; by default all of them."""
     from steptwin.features.motors.sizing.motor_pictures import PICTURES
     from steptwin.host.record.plots import write_pictures
 
@@ -109,7 +112,7 @@ def write_motor_pictures(folder: "Path", ran: "MotorRun", run: "RunInfo", names:
 
 
 def keep_pictures(folder: "Path", *, replace: bool) -> None:
-    """Raise InputError if `write_motor_pictures` would replace a picture unasked, or could draw none."""
+    """Raise InputError if `write_motor_pictures` cannot draw, or would replace a picture without permission."""
     if not find_spec("matplotlib"):
         raise InputError(f"--out: matplotlib is not installed ({installing('plot')})")
     from steptwin.features.motors.sizing.motor_pictures import PICTURES
@@ -118,11 +121,11 @@ def keep_pictures(folder: "Path", *, replace: bool) -> None:
 
 
 CYCLE: Final = "motor-cycle.png"
-"""The picture of a program's durations."""
+"""File name of the picture of a program's durations."""
 
 
 def keep_cycles(folder: "Path | None", *, replace: bool) -> None:
-    """Raise InputError if `write_cycles` would replace its picture unasked, or could not draw it."""
+    """Raise InputError if `write_cycles` cannot draw, or would replace its picture without permission."""
     if folder is not None:
         if not find_spec("matplotlib"):
             raise InputError(f"--out: matplotlib is not installed ({installing('plot')})")
@@ -132,7 +135,7 @@ def keep_cycles(folder: "Path | None", *, replace: bool) -> None:
 def write_cycles(
     folder: "Path", robot: "Robot", cycles: "Mapping[str, Sequence[CycleTime]]", by_joints_s: float
 ) -> None:
-    """Draw how long a program takes by the torque that is left."""
+    """Draw a program's duration by torque reserve."""
     import matplotlib as mpl
 
     from steptwin.features.motors.sizing.fitting import draw_cycles
@@ -144,7 +147,7 @@ def write_cycles(
 
 
 def keep_drawn(folder: "Path", ran: "MotorRun", run: "RunInfo", *, pictures: bool) -> None:
-    """Draw those pictures into the folder of a run that are drawn in time."""
+    """Draw those pictures of a run that need little time into its folder."""
     if pictures:
         from steptwin.features.motors.sizing.motor_pictures import IN_TIME
 
@@ -152,7 +155,7 @@ def keep_drawn(folder: "Path", ran: "MotorRun", run: "RunInfo", *, pictures: boo
 
 
 def telling_time(progress: "Progress", what: str) -> "Progress":
-    """Return a progress that says once, on stderr, how long the whole will take, if that is long."""
+    """Return a progress function that announces a long total duration once, on stderr."""
     first: tuple[float, float] | None = None
     told = False
 
@@ -190,7 +193,7 @@ _COLUMNS: Final[Columns] = {
 
 
 def print_motors(verdict: "MotorVerdict") -> None:
-    """Print a row for each joint, what is short, and the verdict."""
+    """Print a row for each joint, the warnings, and the verdict."""
     print_rows(_COLUMNS, verdict.joints, text_columns=2)
     for line in verdict.warnings:
         warn(line)
@@ -210,7 +213,7 @@ def print_motors(verdict: "MotorVerdict") -> None:
 
 
 def warn_of_payloads(document: Mapping[str, Any], payload_kg: float) -> None:
-    """Warn if the scenario of a stored run has changed the payload, unknown to motors that turn after the run."""
+    """Warn if a stored run's scenario has changed the payload; motors that turn after the run do not know it."""
     requests = [fault.get("do", {}) for fault in document.get("faults", ()) if fault.get("strikes")]
     given = [request["payload_kg"] for request in requests if request.get("do") == "payload"]
     if given:
@@ -227,7 +230,7 @@ _SAID: Final = {
 
 
 def print_margins(margins: "MotorMargins") -> None:
-    """Print a line for each border."""
+    """Print a row for each border."""
     say(*(f"{_SAID[border.quantity]}: {_border(border)}" for border in margins.borders))
 
 
@@ -240,3 +243,32 @@ def _border(border: "Border") -> str:
     if border.slips is None:
         return f"{border.keeps:.3g}{unit} still keeps step, the end of the range ({run})"
     return f"{border.keeps:.3g}{unit} ({run}; at {border.slips:.3g}{unit} {slips})"
+
+
+# --- on a served board: this module is the feature's `LiveWords`
+
+
+def banner() -> str:
+    """Return that the motors turn."""
+    return "motors turn with it ([A] masses)"
+
+
+def warnings(seen: RotorsSoFar) -> Iterator[str]:
+    """Yield a line for each rotor that has slipped: without encoders the board does not know it."""
+    for slip in seen.slips(0):
+        yield f"{slip.name}: its rotor has slipped, {slip.at_s:.3f} s after power-up; homing finds the position again"
+
+
+_ROTORS: Final[Columns] = {
+    "motor": "{0[name]}",
+    "load angle deg": "{0[load_angle_deg]:.1f}",
+    "at s": "{0[load_angle_at_s]:.3f}",
+    "first slip s": lambda joint: "-" if joint["first_slip_s"] is None else f"{joint['first_slip_s']:.3f}",
+    "lost steps": "{0[lost_full_steps]:g}",
+    "winding degC": "{0[winding_celsius]:.1f}",
+}
+
+
+def print_report(document: Mapping[str, Any]) -> None:
+    """Print a row for each motor."""
+    print_rows(_ROTORS, document["joints"])

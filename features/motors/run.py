@@ -1,4 +1,4 @@
-"""The option of `steptwin run` that turns the motors, by the run's record or as it goes."""
+"""Option of `steptwin run` that turns the motors, during the run or by its record."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotorRunHook(RunHook):
-    """When the motors of a run turn; None: never."""
+    """When the motors of a run turn; None: they do not."""
 
     motors: MotorsTurn | None = option(
         "[=loop]",
@@ -35,7 +35,7 @@ class MotorRunHook(RunHook):
         return self.motors is not None
 
     def prepare(self, robot: "Robot", _job: str, options: Mapping[str, str], _words: Sequence[str]) -> Prepared:
-        """Raise InputError unless the robot's file describes motors and masses."""
+        """Raise InputError if the robot's file does not describe motors and masses."""
         if self.motors is None:
             return Prepared(options)
         from steptwin.features.motors.report import check_motors
@@ -44,7 +44,7 @@ class MotorRunHook(RunHook):
         return Prepared(options, MotorOptions(motors=self.motors is MotorsTurn.IN_LOOP))
 
     def watching(self, progress: "Progress") -> "Progress":
-        """Tell how long a run takes whose motors turn as it goes."""
+        """Announce the duration of a run with motors in the loop."""
         if self.motors is not MotorsTurn.IN_LOOP:
             return progress
         from steptwin.features.motors.report import telling_time
@@ -52,7 +52,7 @@ class MotorRunHook(RunHook):
         return telling_time(progress, "run")
 
     def add(self, outcome: "Outcome") -> Added | None:
-        """Turn the motors by the run's record, unless they have turned with it; judge what they did."""
+        """Judge the motors of a run; turn them by its record, unless they have turned with it."""
         if self.motors is None:
             return None
         from steptwin.features.motors.evidence import RotorsOfRun, trace_of
@@ -65,4 +65,9 @@ class MotorRunHook(RunHook):
         def save(folder: "Path", pictures: bool) -> None:
             keep_drawn(folder, ran, outcome.report.run, pictures=pictures)
 
-        return Added(outcome.with_feature(NAME, seen), lambda: print_motors(ran.verdict), save)
+        return Added(
+            outcome.with_feature(NAME, seen),
+            lambda: print_motors(ran.verdict),
+            save,
+            f"{robot.name}: {ran.verdict.answer}",
+        )

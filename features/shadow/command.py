@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 from steptwin.host.cli.app import command, end_unless
-from steptwin.host.cli.arguments import RobotName, check_standing, naming_machine_options, run_folder
+from steptwin.host.cli.arguments import RobotName, check_start_positions, naming_machine_options, run_folder
 from steptwin.host.cli.live.connection import LiveOptions
 from steptwin.host.cli.options import Without, naming_options, option, switch
 from steptwin.host.cli.output import say, say_compiling, warn
@@ -76,7 +76,7 @@ def shadow(
     --json a line for each discrepancy.
     """
     from steptwin.features.shadow.shadow import Shadow
-    from steptwin.features.shadow.standing import joints_told
+    from steptwin.features.shadow.standing import reported_joints
     from steptwin.host.client.links.bus_link import open_bus
     from steptwin.host.twin.live.recording_report import UnplannedRun
     from steptwin.host.twin.machine.kernels import telling_of_compiling
@@ -100,18 +100,18 @@ def shadow(
     since: tuple[int, int] | None = None
     with open_bus(found) as bus:
         if wanted.join == ASKING:
-            standing, since = _asked(bus, found.title, loaded)
-            stood = MachineOptions(stand_at=joints_told(loaded, standing))
+            standing, since = _requested_values(bus, found.title, loaded)
+            stood = MachineOptions(stand_at=reported_joints(loaded, standing))
             twin, run = twin_at(replace(power_up, options=power_up.options.over(stood)))
-            twin.take_standing(standing, *since)
-        joined = _told_joined(twin)
+            twin.set_initial_values(standing, *since)
+        joined = _print_joined(twin)
         try:
             for us, frame, arrived_us in _heard(bus.recv, found.title, wanted.seconds, since):
                 if frame is None:
                     twin.pass_time(us)
                 else:
                     twin.hear(us, frame, arrived_us)
-                joined = joined or _told_joined(twin)
+                joined = joined or _print_joined(twin)
                 if to is not None and frame is not None:
                     kept.append((us, frame))
                 telling.go_on(arrived_us)
@@ -184,7 +184,7 @@ def _power_up(
     from steptwin.host.record.folder import BUS_LOG
     from steptwin.host.record.recorded_bus import read_bus
 
-    check_standing(robot, machine)
+    check_start_positions(robot, machine)
     folder = None if wanted.join in (None, ASKING) else Path(wanted.join)
     stood = MachineAtPowerUp() if folder is None else stored_machine(folder, robot).power_up
     options = machine.over(stood.options)
@@ -195,7 +195,9 @@ def _power_up(
     return replace(stood, options=options, commissioned=stood.commissioned and not wanted.new_board), before
 
 
-def _asked(bus: "can.BusABC", title: str, robot: "Robot") -> "tuple[Mapping[int, NodeValues], tuple[int, int]]":
+def _requested_values(
+    bus: "can.BusABC", title: str, robot: "Robot"
+) -> "tuple[Mapping[int, NodeValues], tuple[int, int]]":
     """Ask the machine how it stands; return that, and of the last answer the stamp and when it came, in us.
 
     Here alone is something sent: what `Questions` returns.
@@ -270,7 +272,7 @@ class _Stamps:
         return round(1e6 * self._stamp_s) + stands_us
 
 
-def _told_joined(twin: "Shadow") -> bool:
+def _print_joined(twin: "Shadow") -> bool:
     """Say so if the twin knows how the machine stands; return whether it does."""
     if twin.joined:
         say("joined: the twin goes along with the machine", err=True)

@@ -141,7 +141,7 @@ class Shadow:
         self._muted = False
         self._clock.end_recording(last_us)
 
-    def take_standing(self, standing: Mapping[int, NodeValues], us: int, arrived_us: int | None = None) -> None:
+    def set_initial_values(self, standing: Mapping[int, NodeValues], us: int, arrived_us: int | None = None) -> None:
         """Start from the values that the nodes of a machine at rest have reported.
 
         Args:

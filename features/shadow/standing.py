@@ -167,7 +167,7 @@ class TwinNode:
             )
 
 
-def joints_told(robot: Robot, standing: Mapping[int, NodeValues]) -> dict[str, float]:
+def reported_joints(robot: Robot, standing: Mapping[int, NodeValues]) -> dict[str, float]:
     """Return where each joint stands in mm and degrees, by name, as far as the positions of its axes are known."""
     values = [standing[node_id] for node_id in range(FIRST_NODE_ID, FIRST_NODE_ID + len(robot.axes))]
     positions = robot.to_positions(np.array([each[od.POSITION_DEMAND] for each in values])).tolist()

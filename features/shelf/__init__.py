@@ -51,8 +51,7 @@ def _check_slots(robot: "Robot", _: str, slots: Sequence[str]) -> None:
 
 
 def _jobs() -> "Mapping[str, Sequence[Job[Any]]]":
-    from steptwin.features.shelf.jobs import DRAWER_PULL, EVERY_SLOT, FETCH, STORE
-    from steptwin.features.shelf.parts import CARRY_PARTS
+    from steptwin.features.shelf.jobs import CARRY_PARTS, DRAWER_PULL, EVERY_SLOT, FETCH, STORE
     from steptwin.host.planning.jobs import carry, pull_line
 
     return {pull_line.KIND: (DRAWER_PULL, STORE, FETCH, EVERY_SLOT), carry.KIND: (CARRY_PARTS,)}
@@ -67,8 +66,7 @@ def _job_extra(_: "Robot", intent: Any) -> "ShelfOptions | None":
 
 
 def _check_robot(robot: "Robot") -> Iterable[str]:
-    from steptwin.features.shelf.jobs import missed_places
-    from steptwin.features.shelf.parts import missed_presets
+    from steptwin.features.shelf.jobs import missed_places, missed_presets
 
     return [*missed_places(robot), *missed_presets(robot)]
 

@@ -4,9 +4,8 @@ Speeds follow from the step rate that the driver takes, switches and homing from
 that StepTwin brings begin with these robots' values.
 """
 
-import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -25,7 +24,6 @@ from steptwin.host.robots.kinematics.cartesian import CartesianGeometry
 from steptwin.host.robots.kinematics.kinds import kind_named
 from steptwin.host.robots.kinematics.serial.chain_geometry import JOINTS_MAX, ChainGeometry, usual_arm
 from steptwin.host.robots.kinematics.usual_scara import ScaraGeometry
-from steptwin.host.robots.motor import MOTORS
 from steptwin.host.robots.new_joint import (
     BOARD,
     FULL_STEPS_PER_REV,
@@ -34,7 +32,9 @@ from steptwin.host.robots.new_joint import (
     board_with,
     read_joint,
 )
+from steptwin.host.robots.new_motors import SUPPLY, NewMotors, supply_voltage
 from steptwin.host.robots.robot import Dimension, Robot
+from steptwin.host.robots.toml_text import toml_lines, toml_value
 
 _BOARD_NOTES: Final = {
     "bitrate": "bit/s of the CAN bus",
@@ -180,7 +180,7 @@ def with_settings(kind: str, settings: Mapping[str, str]) -> tuple[dict[str, Dim
     geometry, board = usual_dimensions(kind, count), BOARD
     for key in [key for key in settings if "." not in key or key in questions]:
         with findings.collecting():
-            if key not in questions:
+            if key not in questions and key != SUPPLY:
                 raise _unknown_setting(kind, key, questions, count)
             if key == _JOINTS_COUNT:
                 continue
@@ -188,9 +188,13 @@ def with_settings(kind: str, settings: Mapping[str, str]) -> tuple[dict[str, Dim
                 with prefixed(f"{key}: "):
                     board = board_with(settings[key])
                 continue
+            if key == SUPPLY:
+                with prefixed(f"{key}: "):
+                    geometry[SUPPLY] = supply_voltage(settings[key])
+                continue
             _set(geometry, key, read_dimension(key, settings[key], questions[key][1]))
     findings.raise_first()
-    own = {key: value for key, value in geometry.items() if key != _BELTS}
+    own = _own(geometry)
     joints = {joint.name: joint.on(board) for joint in usual_joints(kind, own, count)}
     for key in [key for key in settings if "." in key and key not in questions]:
         with findings.collecting():
@@ -237,6 +241,21 @@ def read_dimension(key: str, text: str, usual: Dimension) -> Dimension:
         return finite_number(text)
 
 
+def _own(geometry: Mapping[str, Dimension]) -> dict[str, Dimension]:
+    """Return the dimensions of the mechanism, without what else the file is told."""
+    return {key: value for key, value in geometry.items() if key not in (_BELTS, SUPPLY)}
+
+
+def new_motors(geometry: Mapping[str, Dimension], joints: Sequence[NewJoint]) -> NewMotors:
+    """Return what is said of the motors of a new robot."""
+    supply_v = geometry.get(SUPPLY)
+    return NewMotors(
+        {joint.name: joint.motor for joint in joints if joint.motor is not None},
+        {joint.name: joint.mass_kg for joint in joints if joint.mass_kg is not None},
+        None if supply_v is None else float(supply_v),
+    )
+
+
 def robot_text(name: str, kind: str, geometry: Mapping[str, Dimension], joints: list[NewJoint]) -> str:
     """Return the text of a robot file; raise InputError, with everything that is wrong, if it would be no robot."""
     meanings = {key: meaning(field) for key, field in dimensions(kind_named(kind).geometry).items()}
@@ -244,7 +263,7 @@ def robot_text(name: str, kind: str, geometry: Mapping[str, Dimension], joints: 
     parts = [
         _HEAD.format(kind=kind, summary=kind_named(kind).summary),
         toml_lines({"name": name, "title": f"{name}, a robot of the kind {kind}"}, {}),
-        _kinematics_text(kind, {key: value for key, value in geometry.items() if key != _BELTS}, meanings),
+        _kinematics_text(kind, _own(geometry), meanings),
         _BASE,
         *([_coupling_text(geometry)] if kind == "cartesian" else []),
         _board_text(joints[0].board),
@@ -253,7 +272,7 @@ def robot_text(name: str, kind: str, geometry: Mapping[str, Dimension], joints: 
         "[home] # where the arm is taken after homing\n"
         + toml_lines({joint.name: min(max(joint.home, joint.lower), joint.upper) for joint in joints}, {}),
         _devices(kind, joints),
-        _motors_text(joints),
+        new_motors(geometry, joints).text({joint.name: joint.unit for joint in joints}),
     ]
     text = "\n".join(parts)
     read_robot(text)
@@ -278,7 +297,7 @@ def _kinematics_text(kind: str, geometry: Mapping[str, Dimension], meanings: Map
     parts = ["[kinematics] # docs/robot-files.md has a drawing\n" + toml_lines({"kind": kind, **flat}, meanings)]
     for key, table in geometry.items():
         if isinstance(table, dict):
-            rows = (f"{name} = {_toml(each)}\n" for name, each in table.items())
+            rows = (f"{name} = {toml_value(each)}\n" for name, each in table.items())
             parts.append(f"[kinematics.{key}] # {meanings[key]}\n{''.join(rows)}")
     return "\n".join(parts)
 
@@ -315,11 +334,6 @@ _JOINTS: Final = """\
 # Joints in the order of their axes on the board. speed_max was derived from transmission and microsteps when this file
 # was written: 80 % of the driver's step rate, at most 8 turns of the motor and 180 degrees a second. acceleration_max
 # reaches it in 0.2 s. Neither knows your motors and masses: the end of this file has lines for them.
-"""
-_MOTORS: Final = """\
-# Would the motors keep step? Write yours in these lines, without the first sign and the blank behind it; then
-# `steptwin motors FILE` and `steptwin run FILE MOTION --motors` tell. docs/motors.md has the motors and every key.
-#
 """
 _OUTPUTS: Final = """\
 # [outputs] # digital outputs of the board: the joint whose axis has it, and its number there
@@ -378,23 +392,6 @@ def _joint_text(joint: NewJoint, *, is_coupled: bool) -> str:
     )
 
 
-def _motors_text(joints: list[NewJoint]) -> str:
-    """Return the tables of motors and masses, which a user needs to write; all are comments but the motors given."""
-    motor_notes = {"model": "or the figures of its datasheet", "friction_nm": "of motor and gear, at the motor's shaft"}
-    link = {"mass_kg": 0.5, "centre_mm": [0.0, 0.0, 0.0]}
-    link_notes = {
-        "mass_kg": "of what the joint moves, without what the next joints move",
-        "centre_mm": "its centre, from the joint's axis",
-    }
-    parts = [_MOTORS]
-    for joint in joints:
-        motor = toml_lines({"model": joint.motor or MOTORS[1], "friction_nm": 0.01}, motor_notes)
-        table = f"[joints.{joint.name}.motor]\n{motor}"
-        parts += [table if joint.motor else _comment(table)]
-        parts += [_comment(f"[joints.{joint.name}.link]\n{toml_lines(link, link_notes)}")]
-    return "".join([*parts, _comment("[dynamics]\n" + toml_lines({"supply_v": 24.0}, {"supply_v": "of the drivers"}))])
-
-
 def _comment(text: str) -> str:
     return "".join(f"# {line}\n" for line in text.splitlines())
 
@@ -431,20 +428,3 @@ def _joints_of(robot: Robot) -> list[NewJoint]:
         )
         for joint, home in zip(robot.joints, robot.home, strict=True)
     ]
-
-
-def toml_lines(values: Mapping[str, object], notes: Mapping[str, str]) -> str:
-    """Return a line for each value, its notes in one column."""
-    rows = {key: f"{key} = {_toml(value)}" for key, value in values.items()}
-    width = max(map(len, rows.values()))
-    return "".join(f"{row:<{width}} # {notes[key]}\n" if key in notes else f"{row}\n" for key, row in rows.items())
-
-
-def _toml(value: object) -> str:
-    if isinstance(value, dict):
-        return f"{{ {', '.join(f'{key} = {_toml(each)}' for key, each in value.items())} }}"
-    if isinstance(value, list):
-        return f"[{', '.join(map(_toml, value))}]"
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return json.dumps(str(value), ensure_ascii=False) if isinstance(value, str) else repr(value)

@@ -9,7 +9,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.numbers import finite_number
 from steptwin.host.robots.board_settings import BoardSettings, pulses_for
 from steptwin.host.robots.joint import Transmission, Unit
-from steptwin.host.robots.motor import MOTORS
+from steptwin.host.robots.new_motors import MASS, MOTOR, mass_kg, motor_model
 from steptwin.protocol.drivers import GENERIC, PROFILES
 
 BOARD: Final = BoardSettings(
@@ -75,7 +75,8 @@ class NewJoint:
         microsteps: microsteps per full step.
         home: position after homing, or the nearest one in the range.
         speed_most: highest speed that the joint may have, where something else than motor and driver limits it.
-        motor: its motor, a model of `MOTORS`; None: the file has it as a comment.
+        motor: its motor, a model of `MOTORS`; None: not said.
+        mass_kg: mass that it moves, without what the next joints move; None: not said.
         board: the drivers; one that has not the microsteps gets the next lower ones.
     """
 
@@ -89,6 +90,7 @@ class NewJoint:
     home: float = 0.0
     speed_most: float = inf
     motor: str | None = None
+    mass_kg: float | None = None
     board: BoardSettings = BOARD
 
     def on(self, board: BoardSettings) -> Self:
@@ -123,7 +125,7 @@ class NewJoint:
     @property
     def settings(self) -> dict[str, str]:
         """The values that may be set, by their key in the file: their names here."""
-        keys = ("lower", "upper", self.turn_key, "microsteps", "home", "motor")
+        keys = ("lower", "upper", self.turn_key, "microsteps", "home", MOTOR, MASS)
         return {key: "turn" if key == self.turn_key else key for key in keys}
 
     @property
@@ -172,11 +174,11 @@ def read_joint(joint: NewJoint, key: str, text: str) -> NewJoint:
     """Return a joint with one of its values changed."""
     if key not in joint.settings:
         raise unknown(f"{joint.name}: key", key, joint.settings)
-    if key == "motor":
-        if text not in MOTORS:
-            raise unknown(f"{joint.name}.motor: model", text, MOTORS)
-        return replace(joint, motor=text)
     with prefixed(f"{joint.name}.{key}: "):
+        if key == MOTOR:
+            return replace(joint, motor=motor_model(text))
+        if key == MASS:
+            return replace(joint, mass_kg=mass_kg(text))
         value = finite_number(text.removeprefix("1/") if key == "microsteps" else text)
     changes: dict[str, Any] = {
         joint.settings[key]: int(value) if key == "microsteps" and value == int(value) else value

@@ -1,8 +1,8 @@
-"""Let fastest motions be limited by a robot's motors: its torques as rows for the planner, its rotors as their judge.
+"""Limits of fastest motions by a robot's motors.
 
-It stands in the twin, since pull-out torques, arms and rotors are the emulator's: planning defines what it needs
-(`host/planning/drives.py`), and who plans for a machine with motors hands `motor_limits` in. Both functions
-import all of the emulator, so they do it when they are called.
+Their torques are rows for the planner, and their rotors judge the planned motion. Planning defines what it needs
+(`host/planning/drives.py`). Pull-out torques, arms and rotors belong to the emulator, so both functions import it
+when they are called.
 """
 
 from collections.abc import Iterator
@@ -23,11 +23,11 @@ __all__ = ["motor_forecast", "motor_limits"]
 
 _REMEDY: Final = 'law = "fastest" with [limits] from = "motors" is as fast as they manage (docs/motors.md)'
 _PART_MS: Final = 1 << 13
-"""Part of a window whose torques are computed at once, which bounds the memory."""
+"""Milliseconds of a window whose torques are computed at once; bounds the memory."""
 
 
 def motor_limits(robot: Robot, left_percent: float) -> DriveLimits:
-    """Return what a robot's motors allow if they are to leave some percent of their pull-out torque.
+    """Return the limits of a robot's motors that leave `left_percent` of their pull-out torque.
 
     Raises:
         InputError: the robot's file does not describe its motors and masses.
@@ -38,10 +38,10 @@ def motor_limits(robot: Robot, left_percent: float) -> DriveLimits:
 
 
 def motor_forecast(robot: Robot, motion: Trajectory) -> str | None:
-    """Return what to say of a robot's motors before a motion runs: they will slip, or may; None if 30 % are left.
+    """Return a warning if a robot's motors will or may slip in a motion; None if 30 % of their torque are left.
 
-    It is by the steady torque alone that they need at each millisecond: what swings is the business of rotors that
-    turn, `run --motors` and `[limits]`. Nothing is said of a robot whose file does not describe motors and masses.
+    It compares steady torques at each millisecond. Oscillations need rotors that turn (`run --motors`, or limits by
+    motors in the robot's file). A robot whose file does not describe motors and masses gets no warning.
     """
     if not robot.has_motors:
         return None
@@ -59,13 +59,13 @@ def motor_forecast(robot: Robot, motion: Trajectory) -> str | None:
 
 
 def _parts(samples: Samples) -> Iterator[Samples]:
-    """Yield a window in parts; each begins with the millisecond with which the one before ends."""
+    """Yield a window in parts; each begins with the last millisecond of the one before."""
     for begin in range(0, max(len(samples.t_s) - 1, 1), _PART_MS):
         yield Samples(*(each[begin : begin + _PART_MS + 1] for each in samples))
 
 
 def _least_left(limits: "MotorLimits", motion: Trajectory, samples: Samples) -> tuple[float, int, float]:
-    """Return the least part of a motor's torque that is left in a window, in percent, which axis and when it is."""
+    """Return the least torque left to a motor in a window, in percent, with its axis and its time."""
     from steptwin.features.motors.rotors.torques import needed_torque_nm
     from steptwin.features.motors.turning.poses import rotors_of
 
@@ -83,7 +83,7 @@ def _least_left(limits: "MotorLimits", motion: Trajectory, samples: Samples) -> 
 
 
 def _held(robot: Robot, motion: Trajectory, t_s: FloatArray) -> BoolArray:
-    """Return when the payload hangs at the tool: always, unless an output takes and leaves it."""
+    """Return when the tool carries the payload: always, unless an output takes and leaves it."""
     held_by = robot.dynamics.payload_held_by if robot.dynamics else ""
     held = np.full(len(t_s), not held_by)
     for change in motion.output_changes if held_by else ():

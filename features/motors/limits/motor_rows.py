@@ -1,13 +1,13 @@
-"""The torques of a robot's motors along a path, as rows of the path's acceleration u and the square x of its speed.
+"""Torques of a robot's motors along a path, as rows of the path's acceleration u and its squared speed x.
 
-With the rotors' angles r0 on the path and their derivatives r1 and r2 by its parameter, the arm needs at each rotor
-A u + B x + G: G carries the weights, A are the masses' torques for r1, B those for r2 and for the speeds r1, all by
-Newton-Euler (`rotors/mechanics.py`). The rotor's own inertia is in A and B. Friction and the gear's efficiency
-rub against the motion. What there is, is the pull-out torque at the rotor's speed, less what is to be left.
+Let r0 be the rotors' angles on the path, and r1 and r2 their derivatives by its parameter. Then each rotor needs the
+torque A u + B x + G. G is the torque of the weights, A that of the masses for r1, B that of the masses for r2 and of
+the speeds r1, all by Newton-Euler (`rotors/mechanics.py`). A and B include the rotor's own inertia. Friction and the
+gear's losses oppose the motion. Available is the pull-out torque at the rotor's speed, less the reserve.
 
-Then the rotors turn by the motion before it is run: do they keep step, also if it were somewhat faster? The
-emulated board runs the motion, and the edges of its own drivers turn the rotors, as `run --motors` does. So what is
-promised here is what a run finds, with the drivers' currents, decay and reduced currents.
+Then the rotors turn by the planned motion, and by a faster one, before it is run: do they keep step? The emulated
+board runs the motion, and the edges of its own drivers turn the rotors, as `run --motors` does. So the plan and the run
+use the same drivers' currents, decay and reduced currents.
 """
 
 from dataclasses import dataclass, replace
@@ -44,29 +44,29 @@ from steptwin.host.twin.machine.kernels import fastest_kernel
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 AVERAGE_MIN_S: Final = 0.02
-"""Least time over which a motion is averaged: two PVT points."""
+"""Least averaging time of a motion: two PVT points."""
 SWINGS: Final = 1.5
 """Averaging time in periods of the arm's slowest swing: at 70 % of its torque a motor is a softer spring."""
 _SWING_PLACES: Final = 9
-"""Places of a path where the arm's swing is looked at."""
+"""Number of places on a path where the arm's oscillation is computed."""
 _STANDS: Final = 1e-9
-"""Part of a path's fastest rotor below which a rotor stands."""
+"""Fraction of the fastest rotor's speed on a path below which a rotor is at standstill."""
 LOAD_MAX_DEG: Final = 85.0
-"""Greatest load angle: 90 degrees is the greatest torque, beyond which a rotor that is pulled further slips."""
+"""Greatest load angle. At 90 degrees the torque is greatest; beyond it a rotor slips."""
 FASTER: Final = 0.87
-"""Part of its time in which the rotors must still manage a motion."""
+"""Fraction of its duration in which the rotors must still follow a motion."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotorLimits:
-    """A robot's motors, and how much of their torque is to be left; implements DriveLimits.
+    """Motors of a robot and their torque reserve; implements DriveLimits.
 
     Attributes:
         robot: the robot.
-        left_percent: torque that is to be left at each speed, of the pull-out torque.
-        drives: of each axis.
+        left_percent: reserve at each speed, in percent of the pull-out torque.
+        drives: drive of each axis.
         curves: pull-out torque of each axis' motor.
-        arms: without and with the payload.
+        arms: the arm without and with the payload.
     """
 
     robot: Robot
@@ -89,19 +89,19 @@ class MotorLimits:
         return cls(robot, left_percent, drives, own, (arm_of(robot, 0.0), arm_of(robot, payload_kg)))
 
     def left_more(self, percent: float) -> Self:
-        """Return the same with more percent left."""
+        """Return the limits with a larger reserve."""
         return replace(self, left_percent=min(self.left_percent + percent, 95.0))
 
     def available_nm(self, rad_s: FloatArray) -> FloatArray:
-        """Return what may be used of the pull-out torques at rotors' speeds, both of shape (n, axes)."""
+        """Return the usable part of the pull-out torques at the rotors' speeds, both of shape (n, axes)."""
         part = 1.0 - self.left_percent / 100.0
         return part * np.column_stack([curve.at(rad_s[:, i] / RAD_S_PER_RPM) for i, curve in enumerate(self.curves)])
 
     def swing_hz(self, joints: FloatArray, arm: Arm) -> float:
-        """Return the lowest frequency at which the arm swings on its motors, at joints of shape (n, joints).
+        """Return the arm's lowest natural frequency on its motors, at joints of shape (n, joints).
 
-        Each motor is a spring of its pull-out torque at rest for each rad of the electrical angle, with its belt in
-        series; rotors and masses are those of `carried_inertias`, coupled.
+        A motor is a spring, its pull-out torque at rest for each rad of the electrical angle, in series with its belt.
+        The coupled inertias are those of rotors and `carried_inertias`.
         """
         springs = np.array(
             [drive.motor.teeth * curve.torque_nm[0] for drive, curve in zip(self.drives, self.curves, strict=True)]
@@ -113,7 +113,7 @@ class MotorLimits:
         return float(np.sqrt(lowest)) / (2.0 * pi)
 
     def along(self, rates: PathRates, load: PathLoad) -> "MotorsOnPath":
-        """Return the motors on a path; raise InputError, with the number, if weights alone need too much."""
+        """Return the motors on a path; raise InputError, with the number, if the weights alone need too much torque."""
         at = load.at(rates.s)
         loaded = tuple(
             _LoadedArm.of(self, arm, rates, where) for arm, where in zip(self.arms, at, strict=True) if where.any()
@@ -125,13 +125,13 @@ class MotorLimits:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _LoadedArm:
-    """What an arm needs at each rotor along a path, of shape (n, axes): A u + B x + G, where it counts.
+    """Torque A u + B x + G that an arm needs at each rotor, shape (n, axes), on the part of a path where it applies.
 
     Attributes:
         arm: the arm, without the payload or with it.
-        where: shape (n,), the places where it counts.
-        carried: the three terms of what the gears carry, A, B and G.
-        driving: the same with the rotors' own inertia.
+        where: places of the path where it applies, shape (n,).
+        carried: A, B and G of the load on the gears.
+        driving: A, B and G with the rotors' own inertia.
     """
 
     arm: Arm
@@ -152,7 +152,7 @@ class _LoadedArm:
 
 @dataclass(frozen=True, eq=False)
 class MotorsOnPath:
-    """The motors of a robot along a path; implements DrivesOnPath."""
+    """Motors of a robot along a path; implements DrivesOnPath."""
 
     limits: MotorLimits
     rates: PathRates
@@ -166,14 +166,14 @@ class MotorsOnPath:
 
     @cached_property
     def average_s(self) -> float:
-        """Time over which a motion is averaged: 1.5 periods of the slowest swing on the path."""
+        """Averaging time of a motion: 1.5 periods of the slowest oscillation on the path."""
         rows = np.unique(np.linspace(0, len(self.rates.s) - 1, _SWING_PLACES).astype(np.int64))
         swing_hz = min(self.limits.swing_hz(self.rates.joints[rows], each.arm) for each in self.arms)
         return max(AVERAGE_MIN_S, SWINGS / swing_hz)
 
     @cached_property
     def _rubbing(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The sign in which each rotor turns, shape (n, axes), 0 if it stands; each gear's friction, and its share."""
+        """Sign of each rotor's motion, shape (n, axes), 0 at standstill; friction and loss fraction of each gear."""
         turning = rotors_of(self.limits.robot, self.rates.first)
         signs = np.where(np.abs(turning) > _STANDS * np.abs(turning).max(), np.sign(turning), 0.0)
         drives = self.limits.drives
@@ -181,10 +181,10 @@ class MotorsOnPath:
         return signs, frictions, np.array([1.0 / drive.efficiency - 1.0 for drive in drives])
 
     def _sides(self, arm: _LoadedArm) -> list[tuple[tuple[FloatArray, FloatArray, FloatArray], FloatArray]]:
-        """Return what must not exceed the torque: the terms of u, x and 1, and the friction that adds to them.
+        """Return the terms of u, x and 1 that the torque limits, and the friction added to them.
 
-        A motor that speeds up carries what the gear rubs, whichever way the load pulls; one that brakes is helped by
-        it; only the friction counts here. One that stands holds both ways.
+        An accelerating motor carries the gear's losses, whatever the load's direction. In braking the losses help, so
+        only friction counts. At standstill a motor needs torque in both directions.
         """
         signs, frictions, shares = self._rubbing
         up, down = np.where(signs == 0.0, 1.0, signs), np.where(signs == 0.0, -1.0, -signs)
@@ -201,7 +201,7 @@ class MotorsOnPath:
         return [(of(up, own), rubs), (of(up, -own), rubs), (of(down, np.zeros_like(own)), -rubs)]
 
     def check_weights(self) -> None:
-        """Raise InputError if weights and friction alone need more torque than may be used at rest."""
+        """Raise InputError if weights and friction alone need more than the usable torque at rest."""
         full = np.array([curve.torque_nm[0] for curve in self.limits.curves])
         part = 1.0 - self.limits.left_percent / 100.0
         for arm in self.arms:
@@ -217,9 +217,9 @@ class MotorsOnPath:
                     )
 
     def rows(self, squares: FloatArray, parts: FloatArray) -> Rows:
-        """Return the torques as rows about squares of the speed, each as a part of what the motor has at rest.
+        """Return the torques as rows about squared speeds, relative to the motor's torque at rest.
 
-        The torque over x is the chord from rest to the speed that the last solution reached: exact at both.
+        Torque over x is taken as the chord from rest to the last solution's speed; it is exact at both ends.
         """
         rad = np.abs(rotors_of(self.limits.robot, self.rates.first))
         at_rest = self.limits.available_nm(np.zeros_like(rad))
@@ -242,7 +242,7 @@ class MotorsOnPath:
         )
 
     def used(self, motion: Sampled, s: FloatArray) -> FloatArray:
-        """Return the part of what it may use that each motor uses at the ends of cubics, shape (records, axes)."""
+        """Return the used fraction of each motor's usable torque at the ends of cubics, shape (records, axes)."""
         times_s = np.asarray(motion.curve.x)
         positions, velocities = motion.positions(times_s), motion.velocities(times_s)
         dt_s = np.diff(times_s)[:, np.newaxis]
@@ -269,7 +269,7 @@ class MotorsOnPath:
 
 
 def rotor_trial(robot: Robot, motion: Sampled, s: FloatArray, load: PathLoad, average_s: float) -> DriveTrial:
-    """Turn the rotors by a motion whose cubics begin and end at places `s`, with a load by place."""
+    """Turn the rotors by a motion whose cubics end at places `s` of the path, with the load at each place."""
     comparison = execute(plan(robot, motion), "", fastest_kernel(), progress=lambda _: check_planning_time()).comparison
     driving = Driving.of(robot, comparison.evidence)
     if robot.dynamics and robot.dynamics.payload_held_by:
@@ -299,11 +299,11 @@ def rotor_trial(robot: Robot, motion: Sampled, s: FloatArray, load: PathLoad, av
 
 
 _SLOWEST, _BISECTIONS = 0.5, 6
-"""Least part of its time in which a motion is tried, and how often the interval up to FASTER is halved."""
+"""Least fraction of its duration in which a motion is tried, and number of bisections between it and FASTER."""
 
 
 def _slips_at(driving: Driving) -> float | None:
-    """Return the part of its time in which a rotor begins to slip, to 0.006; None if none does in half of it."""
+    """Return the fraction of its duration at which a rotor begins to slip, to 0.006; None if none slips at half."""
     slips, keeps = _SLOWEST, FASTER
     if first_slip(driving.stretched(slips)) is None:
         return None
@@ -314,7 +314,7 @@ def _slips_at(driving: Driving) -> float | None:
 
 
 def _payload(driving: Driving, motion: Sampled, s: FloatArray, load: PathLoad) -> PayloadTimes:
-    """Return when the payload hangs, of where it does: a change counts from the place on where it may have come."""
+    """Return when the payload hangs at the tool. A change counts from the earliest place where it may occur."""
     at = np.minimum(np.searchsorted(s, [change.from_s for change in load.changes]), len(s) - 1)
     times_s = np.asarray(motion.curve.x)[at]
     counts = driving.start_counts + np.rint(times_s * COUNTS_PER_SECOND).astype(np.int64)

@@ -1,4 +1,4 @@
-"""The mechanism that motors turn, as data: bodies on a tree, and how their joints follow the rotors."""
+"""The mechanism that motors turn, as data: a tree of bodies, whose joints follow the rotors."""
 
 from dataclasses import dataclass
 
@@ -11,9 +11,9 @@ BASE = -1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:
-    """A rigid body and the joint by which it hangs on its parent.
+    """A rigid body and the joint to its parent.
 
-    The joint turns about, or slides along, the z axis of the frame that `fixed` puts into the parent's.
+    The joint turns about, or slides along, the z axis of its frame; `fixed` places that frame in the parent's.
 
     Attributes:
         parent: index of the parent, less than its own, or BASE.
@@ -32,7 +32,7 @@ class Body:
     inertia_kgm2: FloatArray
 
     def numbers(self) -> list[float]:
-        """Return the body as `mechanics` stores it."""
+        """Return the body as numbers for `mechanics`."""
         tensor = self.inertia_kgm2
         return [
             float(self.parent),
@@ -47,13 +47,13 @@ class Body:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Arm:
-    """A mechanism of `bodies`, whose joints follow the rotors' angles in rad.
+    """A mechanism of `bodies` with joints that follow the rotors' angles in rad.
 
     Attributes:
         bodies: the tree, parents first.
         slopes: shape (bodies, axes), rad or m of each joint for each rad of a rotor.
         offsets: shape (bodies,), the joints' positions with all rotors at 0.
-        pair: two sliders and the platform that they carry, which follows them by no constant slope.
+        pair: two sliders and their platform, which follows them in no fixed proportion.
     """
 
     bodies: tuple[Body, ...]
@@ -63,5 +63,5 @@ class Arm:
 
     @property
     def pair_numbers(self) -> list[float]:
-        """The pair as `following` stores it."""
+        """Numbers of the pair for `following`."""
         return list(NO_PAIR) if self.pair is None else self.pair.numbers()

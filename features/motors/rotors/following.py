@@ -1,4 +1,4 @@
-"""How the joints of a mechanism follow the rotors: in proportion, but for the platform that two sliders carry.
+"""Joints of a mechanism that follow the rotors: in proportion, or as the platform on two sliders.
 
 Two links of length l join the platform to sliders at heights a and b on upright screws, h to the left and to the right
 of the middle. With the platform at (p, q), above the line from slider to slider,
@@ -22,9 +22,9 @@ from steptwin.controller.motion.kernel import kernel_function
 from steptwin.features.motors.rotors.rotor_kernel import PLACE, RATE, STATE_FIELDS
 
 LEFT = 0
-"""Index of the left slider's body, -1 without a pair; all four are joints that slide."""
+"""Index of the left slider's body, -1 without a pair. The other three indices are sliding joints, too."""
 RIGHT = 1
-"""Likewise of the right one."""
+"""Index of the right slider's body."""
 ACROSS = 2
 """Index of the body that slides by p."""
 UP = 3
@@ -36,7 +36,7 @@ LENGTH = 5
 PAIR_FIELDS = 6
 
 SINGULAR = 1e-9
-"""Rise of a link in m, or ratio of the platform's height to the sliders' distance, below which a pose is singular."""
+"""Limit of singular poses: rise of a link in m, or ratio of the platform's height to the sliders' distance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,20 +60,20 @@ class FollowingSliders:
     length_m: float
 
     def numbers(self) -> list[float]:
-        """Return the pair as `follow` stores it."""
+        """Return the pair as numbers for `follow`."""
         return [*map(float, (self.left, self.right, self.across, self.up)), self.half_m, self.length_m]
 
 
 NO_PAIR = (-1.0, -1.0, -1.0, -1.0, 0.0, 0.0)
-"""A mechanism whose joints all follow in proportion."""
+"""Pair of a mechanism without one: all joints follow in proportion."""
 
 
 class ArmArrays(NamedTuple):
-    """A mechanism as the functions store it.
+    """A mechanism in the storage of the compiled functions.
 
     Attributes:
         bodies: the tree, BODY_FIELDS numbers of `mechanics` for each body.
-        slopes: bodies x axes, rad or m of each joint for each rad of a rotor; a platform's change with its pose.
+        slopes: bodies x axes, rad or m of each joint for each rad of a rotor; those of a platform change with its pose.
         offsets: the joints' positions with all rotors at 0, one for each body.
         pair: PAIR_FIELDS numbers.
         body_count: number of bodies.
@@ -91,12 +91,12 @@ class ArmArrays(NamedTuple):
 
 
 class JointArrays(NamedTuple):
-    """The bodies' joints at one instant, for the functions' own use.
+    """Joints of the bodies at one instant; working storage.
 
     Attributes:
         places: positions s in rad and m, one for each body.
         rates: ds/dt.
-        drifts: the part of their accelerations that does not come from the rotors', 0 where s is linear in theirs.
+        drifts: part of the joint accelerations that does not come from the rotors'; 0 for joints in proportion.
         motion: MOTION_FIELDS numbers of `mechanics` for each body.
     """
 
@@ -108,7 +108,7 @@ class JointArrays(NamedTuple):
 
 @kernel_function
 def follow(arm: ArmArrays, state: list[float], joints: JointArrays) -> None:
-    """Compute the joints' positions, rates and drifts, and the platform's slopes, where the rotors' `state` is."""
+    """Compute positions, rates and drifts of the joints, and the platform's slopes, from the rotors' `state`."""
     pair, slopes, offsets, axis_count = arm.pair, arm.slopes, arm.offsets, arm.axis_count
     places, rates = joints.places, joints.rates
     across, up = int(pair[ACROSS]), int(pair[UP])
@@ -130,7 +130,7 @@ def follow_sliders(
     pair: list[float], slopes: list[float], places: list[float], rates: list[float], drifts: list[float],
     axis_count: int,
 ) -> None:  # fmt: skip
-    """Compute the platform's part. Where rotors have slipped so far that no pose is possible, the last one stays."""
+    """Compute the platform's part. If slipped rotors make a pose impossible, keep the last pose."""
     left, right, across, up = int(pair[LEFT]), int(pair[RIGHT]), int(pair[ACROSS]), int(pair[UP])
     half = pair[HALF]
     apart = places[left] - places[right]

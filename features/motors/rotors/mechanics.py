@@ -50,7 +50,7 @@ SPIN = 12
 SPIN_RATE = 15
 """Three numbers, the angular acceleration."""
 LINEAR = 18
-"""Three numbers, the acceleration of the origin, from which gravity is taken off."""
+"""Three numbers, the acceleration of the origin less gravity."""
 FORCE = 21
 """Three numbers, the force through the body's joint."""
 MOMENT = 24
@@ -193,7 +193,7 @@ def mass_matrix(
 ) -> None:  # fmt: skip
     """Compute the mass matrix, row by row, at the pose of `take_pose`.
 
-    `zeros` and `unit` hold 0, `column` is for the function's own use; all three have one number for each body.
+    `zeros` and `unit` hold 0, `column` is working storage; all three have one number for each body.
     """
     for body in range(count):
         unit[body] = 1.0
@@ -246,7 +246,7 @@ def project(
 
 
 class MassArrays(NamedTuple):
-    """What the functions need to find the masses, for their own use.
+    """Working storage for the mass matrix.
 
     Attributes:
         zeros: 0 for each body; nothing writes into it.
@@ -265,10 +265,10 @@ class MassArrays(NamedTuple):
 
 @kernel_function
 def refresh(arm: ArmArrays, joints: JointArrays, work: MassArrays, rotors: RotorArrays) -> None:
-    """Compute the inverse of the mass matrix and the bias force in the rotors' coordinates, both into `rotors`.
+    """Compute the inverse of the mass matrix and the bias force in rotor coordinates; store both in `rotors`.
 
-    The joints' positions s follow from the rotors' coordinates x: with S = ds/dx, the arm's slopes, and the part of
-    their accelerations that does not come from the rotors', S' dx/dt, the joints' drifts,
+    The joint positions s follow the rotor coordinates x. Let S = ds/dx be the arm's slopes, and S' dx/dt the joints'
+    drifts, which are the joint accelerations without any of the rotors. Then
 
         M_x = S^T M_s S + rotors' inertia        h_x = S^T (M_s S' dx/dt + h_s)
 
@@ -283,7 +283,7 @@ def refresh(arm: ArmArrays, joints: JointArrays, work: MassArrays, rotors: Rotor
 
 
 class MotionArrays(NamedTuple):
-    """A motion of all rotors with what it needs, one number for each axis and instant, instant after instant.
+    """A motion of all rotors and its torques: one number for each axis and instant, instant after instant.
 
     Attributes:
         rad: the rotors' angles.
@@ -303,10 +303,10 @@ def needed_by(
     arm: ArmArrays, joints: JointArrays, state: list[float], accelerations: list[float], joint_torques: list[float],
     asked: MotionArrays,
 ) -> None:  # fmt: skip
-    """Compute what the arm needs at each rotor at many instants.
+    """Compute the torque that the arm needs at each rotor at many instants.
 
-    `state` has STATE_FIELDS numbers for each axis, `accelerations` and `joint_torques` one for each body, all for the
-    function's own use.
+    `state` has STATE_FIELDS numbers for each axis, `accelerations` and `joint_torques` one for each body; all three are
+    working storage.
     """
     bodies, slopes, count, axis_count = arm.bodies, arm.slopes, arm.body_count, arm.axis_count
     for first in range(0, len(asked.rad), axis_count):

@@ -1,4 +1,4 @@
-"""Hybrid stepper motors as data: the figures of a datasheet, and what the rotor's equations need of them.
+"""Hybrid stepper motors as data: datasheet figures, and the constants of the rotor's equations.
 
 A datasheet gives holding torque with both phases at the rated current, so the motor's constant follows as
 Km = T_hold / (sqrt(2) I_rated) (MathWorks, Simscape Electrical, block "Stepper Motor"). No datasheet gives the losses
@@ -34,13 +34,13 @@ class Motor:
         detent_torque_nm: without current.
         source: origin of the figures.
         full_steps_per_rev: full steps in a turn, four for each tooth.
-        iron_drag_nm_s: drag of the iron for each rad/s; None: assumed, as the module's text says.
+        iron_drag_nm_s: drag of the iron for each rad/s; None: the assumption above.
         friction_nm: Coulomb friction of the bearings. [A]
-        thermal_resistance_k_w: from the windings to the surroundings. [A]
+        thermal_resistance_k_w: from the windings to the ambient air. [A]
         thermal_time_constant_s: of the motor. [A]
 
     Raises:
-        ValueError: a figure that must be positive is not, or one is negative.
+        ValueError: a figure is negative, or 0 where it must be positive.
     """
 
     name: str
@@ -87,7 +87,7 @@ class Motor:
 
     @property
     def drag_nm_s(self) -> float:
-        """Torque of the iron's losses for each rad/s: Km^2 / Rm with the iron's resistance Rm."""
+        """Drag of the iron's losses in Nm for each rad/s: Km^2 / Rm, Rm being the iron's resistance."""
         if self.iron_drag_nm_s is not None:
             return self.iron_drag_nm_s
         return IRON_DRAG_FRACTION * self.holding_torque_nm / (IRON_DRAG_RPM * RAD_S_PER_RPM)
@@ -139,4 +139,4 @@ CATALOGUE: Final = {
         Motor("QSH5718-79", 0.8, 3.2, 1.63, 3.0, 335.0, 0.030, _QSH5718),
     )
 }  # fmt: skip
-"""The motors that robot files may name; a file may also state the figures of its own motor."""
+"""Motors that robot files may name; a file may also describe its own motor."""

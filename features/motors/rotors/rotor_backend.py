@@ -27,7 +27,7 @@ Indices = Any
 
 @dataclass(frozen=True, slots=True)
 class RotorBackend:
-    """The functions together with the storage that they run on.
+    """Functions and the storage that they run on.
 
     Attributes:
         name: "python" or "numba".
@@ -99,7 +99,7 @@ def compiled_rotors() -> RotorBackend:
 
 
 def _drop_stale(cache: Path) -> None:
-    """Delete what was compiled before a source last changed: numba looks only at the function's own file."""
+    """Delete compiled functions older than a source file; numba checks only the function's own file."""
     sources = (rotor_run, rotor_kernel, mechanics, following, power_supply)
     changed_s = max(Path(str(module.__file__)).stat().st_mtime for module in sources)
     for stem in ("rotor_run", "mechanics"):
@@ -128,7 +128,7 @@ def arm_arrays(arm: Arm, backend: RotorBackend, gravity_m_s2: float) -> ArmArray
 
 
 def body_numbers(arm: Arm, backend: RotorBackend) -> Numbers:
-    """Return the bodies alone."""
+    """Return the numbers of the bodies alone."""
     return backend.numbers([value for body in arm.bodies for value in body.numbers()])
 
 

@@ -63,9 +63,9 @@ DT_COUNTS = 720
 PI = 3.141592653589793
 
 SWEEPS = 2
-"""Passes over the coordinates in which the impulses of friction are found: each begins with those of the last step."""
+"""Passes over the coordinates to find the impulses of friction; each step begins with the last step's impulses."""
 UNLIMITED = 1e9
-"""Impulse of an end stop in Nm s: as much as it takes."""
+"""Largest impulse of an end stop in Nm s: practically unlimited."""
 
 # --- parameters of an axis
 
@@ -96,7 +96,7 @@ STIFFNESS = 11
 DAMPING = 12
 """Of the spring, in Nm s/rad at the rotor."""
 INERTIA = 13
-"""Of the rotor, in kg m^2; used where it is apart from the coordinate."""
+"""Rotor inertia in kg m^2; used where a spring separates rotor and coordinate."""
 LOWER = 14
 """Lower end stop of the coordinate in rad of the rotor."""
 UPPER = 15
@@ -132,19 +132,19 @@ FIELD = 6
 """Electrical angle to which the driver turns the field, in rad, counted through."""
 WANTED_A = 7
 WANTED_B = 8
-"""Currents to which the chopper regulates, in A."""
+"""Chopper references of the currents in A."""
 FAST = 9
 """Fraction of fast decay."""
 ON = 10
 """1 while the outputs are on, else 0."""
 WORST = 11
-"""Load angle of the greatest amount since the caller last cleared it, in electrical rad, with its sign."""
+"""Load angle with the largest magnitude since the caller last cleared it, in electrical rad, with sign."""
 TURN = 12
-"""Electrical turns by which the rotor is away from the field: each is four full steps lost."""
+"""Electrical turns between rotor and field; each is four full steps lost."""
 SLIP_STEP = 13
 """Step of the first slip, -1 before it."""
 HEAT = 14
-"""Temperature of the windings above the surroundings in K."""
+"""Temperature of the windings above ambient in K."""
 TORQUE = 15
 """Torque of the motor in the last step in Nm."""
 IN_J = 16
@@ -156,7 +156,7 @@ DRAG_J = 18
 RUBBED_J = 19
 """Energy lost to Coulomb friction, brake and end stops."""
 LOADED_J = 20
-"""Energy given to the bias force: weight and what turns with the arm."""
+"""Energy given to the bias force: weight and velocity terms of the arm."""
 IMPULSE = 21
 """Impulse of friction, brake and end stop in the last step in Nm s."""
 STATE_FIELDS = 22
@@ -172,10 +172,10 @@ class RotorArrays(NamedTuple):
 
     Attributes:
         axes: AXIS_FIELDS numbers for each axis: parameters that do not change.
-        state: STATE_FIELDS numbers for each axis.
+        All rotors in the storage of the compiled functions.
         inverse: axes x axes, the inverse of the mass matrix in rotors' coordinates.
         bias: one torque for each axis.
-        forces: one number for each axis, for the kernel's own use.
+        forces: one number for each axis; working storage.
         supply: SUPPLY_FIELDS numbers of the supply that all share (`power_supply`).
     """
 
@@ -203,7 +203,7 @@ class EventArrays(NamedTuple):
 
 @kernel_function
 def driven(wanted_v: float, wanted_a: float, current_a: float, supply_v: float, fast: float) -> float:
-    """Return what the chopper can give: the supply in the direction of the wanted current, part of it against."""
+    """Return the chopper's voltage at a phase: the full supply towards the wanted current, a part of it against."""
     ahead = wanted_a if wanted_a != 0.0 else current_a
     upper, lower = (supply_v, -fast * supply_v) if ahead >= 0.0 else (fast * supply_v, -supply_v)
     if wanted_v > upper:
@@ -213,12 +213,12 @@ def driven(wanted_v: float, wanted_a: float, current_a: float, supply_v: float, 
 
 @kernel_function
 def freewheeled(wanted_v: float, emf_v: float, current_a: float, supply_v: float) -> float:
-    """Return the voltage at a phase whose bridge is off: diodes put the supply against the current until it ends."""
+    """Return the voltage at a phase with its bridge off: diodes oppose the current by the supply until it ends."""
     if current_a > 0.0 and wanted_v < -supply_v:
         return -supply_v
     if current_a < 0.0 and wanted_v > supply_v:
         return supply_v
-    # The current ends within the step, or has ended: what is left is the back-EMF, which drives nothing.
+    # The current ends within this step, or has ended; only the back-EMF is left, which drives no current.
     return wanted_v if current_a != 0.0 else emf_v
 
 
@@ -253,7 +253,7 @@ def advance_phase(
 def take_events(
     state: list[float], events: list[float], ends: list[int], cursors: list[int], axis: int, now: float
 ) -> None:
-    """Let an axis' driver change as its events say up to an instant in counts."""
+    """Apply an axis' driver events up to an instant in counts."""
     x = axis * STATE_FIELDS
     while cursors[axis] < ends[axis] and events[cursors[axis] * EVENT_FIELDS + AT_COUNTS] <= now:
         e = cursors[axis] * EVENT_FIELDS
@@ -287,7 +287,7 @@ def give_impulse(state: list[float], inverse: list[float], count: int, axis: int
 
 @kernel_function
 def friction_limit(axes: list[float], state: list[float], bias: list[float], axis: int) -> float:
-    """Return the greatest impulse of friction and brake in a step."""
+    """Return the largest impulse of friction and brake in a step."""
     p = axis * AXIS_FIELDS
     carried = bias[axis] if bias[axis] >= 0.0 else -bias[axis]
     friction = axes[p + FRICTION] + axes[p + SLIDING] * carried
@@ -300,10 +300,10 @@ def friction_limit(axes: list[float], state: list[float], bias: list[float], axi
 def rub(
     axes: list[float], state: list[float], inverse: list[float], bias: list[float], forces: list[float], count: int
 ) -> None:
-    """Let friction, brakes and end stops act for one step.
+    """Apply friction, brakes and end stops for one step.
 
-    Each coordinate's impulse stops it or is used up; as it moves the others too, they are found together, by projected
-    Gauss-Seidel from the impulses of the step before (M. Catto, "Iterative dynamics with temporal coherence", 2005).
+    Each coordinate's impulse stops it or reaches its limit. Coordinates are coupled, so projected Gauss-Seidel finds
+    all impulses together, from those of the step before (M. Catto, "Iterative dynamics with temporal coherence", 2005).
     """
     for axis in range(count):
         forces[axis] = state[axis * STATE_FIELDS + RATE]
@@ -335,7 +335,7 @@ def rub(
 
 @kernel_function
 def turn(axes: list[float], state: list[float], axis: int, step: int) -> None:
-    """Turn a rotor by its speed; note its load angle, and a slip when it is half a turn from the field."""
+    """Turn a rotor by its speed; update its load angle, and note a slip at half a turn from the field."""
     p, x = axis * AXIS_FIELDS, axis * STATE_FIELDS
     state[x + PLACE] += DT_S * state[x + RATE]
     if axes[p + ELASTIC] == 0.0:
@@ -366,7 +366,7 @@ def push_coordinates(state: list[float], inverse: list[float], forces: list[floa
 
 @kernel_function
 def advance_rotors(rotors: RotorArrays, events: EventArrays, first_step: int, steps: int, first_counts: float) -> None:
-    """Advance all axes by a number of steps, the first of which begins at an instant in counts."""
+    """Advance all axes by `steps` steps; `first_counts` is the start of the first one."""
     axes, state, inverse, bias = rotors.axes, rotors.state, rotors.inverse, rotors.bias
     forces, supply = rotors.forces, rotors.supply
     rows, ends, cursors = events.rows, events.ends, events.cursors

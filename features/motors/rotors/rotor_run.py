@@ -13,14 +13,14 @@ from steptwin.features.motors.rotors.rotor_kernel import (
 )
 
 REFRESH_STEPS = 100
-"""Steps of integration, 1 ms together, for which the arm's mass matrix holds: the load angle differs by 0.1 degrees."""
+"""Steps of integration, 1 ms together, between two updates of the masses; the load angle differs by 0.1 degrees."""
 TICK_STEPS = REFRESH_STEPS // TICKS_PER_MS
 """Steps of integration in a servo tick."""
 
 
 @kernel_function
 def keep(state: list[float], kept: list[float], row: int, axis_count: int) -> None:
-    """Copy the state into a row of `kept`, and begin the next greatest load angle."""
+    """Copy the state into a row of `kept`, and reset the greatest load angle."""
     size = axis_count * STATE_FIELDS
     for field in range(size):
         kept[row * size + field] = state[field]
@@ -33,9 +33,9 @@ def run_rotors(
     arm: ArmArrays, joints: JointArrays, masses: MassArrays, rotors: RotorArrays, events: EventArrays,
     kept: list[float], first_step: int, steps: int, first_counts: float,
 ) -> None:  # fmt: skip
-    """Turn the rotors for some steps; at the end of each ms among them keep the state.
+    """Turn the rotors for some steps; keep the state at the end of each ms.
 
-    Masses are refreshed at the beginning of each ms, so the result does not depend on how time is divided into calls.
+    Masses are updated at the beginning of each ms, so the division of time into calls does not change the result.
     """
     done = row = 0
     while done < steps:

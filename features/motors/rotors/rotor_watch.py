@@ -1,11 +1,11 @@
-"""Let the motors of a machine turn with its boards: the rotors follow the drivers' outputs, the switches the rotors.
+"""Turn the motors of a machine with its boards: rotors follow the drivers' outputs, switches follow the rotors.
 
-The rotors stand at the start of a servo tick and go on in stretches of whole ticks. The boards have then computed all
-pulses before the stretch's end, and no pin can change before it any more. A stretch is so short that no rotor can reach
-a switch unseen; near a switch it is a tick. How time is divided changes no result. So a live board lets the rotors
-follow in small pieces, in the time that it has left (`work`), before a stretch must be turned at once.
+Time advances in stretches of whole servo ticks, after the boards: these have then computed all pulses before the
+stretch's end, and no pin can change before it any more. A stretch is too short for any rotor to reach a switch; near a
+switch it is one tick. The division of time does not change the result, so a live board turns the rotors in small
+pieces in its spare time (`work`), before a stretch must be turned at once.
 
-Rotor and field have a common electrical angle when the outputs come on for the first time: the rotor is mounted so.
+When the outputs come on for the first time, the rotor's electrical angle is the field's: the rotor is mounted so.
 """
 
 from collections import deque
@@ -40,18 +40,19 @@ from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 REST_TICKS: Final = 40
-"""Greatest stretch while no axis moves, 10 ms: nothing waits for the rotors then."""
+"""Longest stretch while no axis moves, 10 ms; no switch can change then."""
 PIECEMEAL_TICKS: Final = 20
-"""Ticks, 5 ms, by which the rotors are behind when it is worth while to let them follow in pieces: much of the work is
-the same for each stretch, however short."""
+"""Delay of the rotors in ticks (5 ms) from which on they follow in pieces. Shorter stretches waste time, since much of
+the work does not depend on their length.
+"""
 _LEAST_TICKS: Final = 4
-"""Length of the shortest stretch that is begun before it must end."""
+"""Shortest stretch that is begun before its end has come."""
 _PIECES: Final = 16
-"""Number of pieces of such a stretch, about."""
+"""Approximate number of pieces of such a stretch."""
 
 _STILL_TICKS: Final = 40
 _STILL_RAD_S: Final = 0.01
-"""Where no rotor has been faster for so many ticks, and no driver has changed, all stands."""
+"""Rotors at standstill: none has been faster for so many ticks, and no driver has changed."""
 _FREE_TICKS_MAX: Final = 400
 
 _CYCLE_FULL_STEPS: Final = 4
@@ -61,16 +62,16 @@ _NOTHING: Final = np.empty((0, EVENT_FIELDS))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotorWiring:
-    """The motors at the drivers of all boards, and what they turn.
+    """Motors at the drivers of all boards, and the arm that they turn.
 
     Attributes:
-        drives: of each axis, board by board; how a rotor is mounted is found when its outputs come on.
+        drives: drive of each axis, board by board; a rotor's mounting angle follows when its outputs come on.
         start_rad: angle of each rotor from its axis' zero at power-up.
-        arm_with: returns what they turn with a mass in kg at the tool's tip.
+        arm_with: returns the arm with a mass in kg at the tool's tip.
         payload_kg: mass of the payload.
-        supply: of all drivers.
-        held_by: output while which is on the payload hangs at the tool; None: always.
-        backend: how the rotors are computed; None: as fast as can be.
+        supply: power supply of all drivers.
+        held_by: output that holds the payload at the tool; None: the tool always carries it.
+        backend: computes the rotors; None: the fastest one.
     """
 
     drives: Sequence[Drive]
@@ -86,12 +87,12 @@ class RotorWatch:
     """The rotors beside the boards of a simulation."""
 
     def __init__(self, wiring: MotorWiring, boards: Sequence[Board], now: Callable[[], int]) -> None:
-        """Let the motors stand; the boards are not switched on yet. `now` tells the simulation's time in counts."""
+        """Prepare the motors at standstill; the boards are off. `now` returns the simulation's time in counts."""
         self._wiring, self._boards, self._now = wiring, boards, now
         self.on_record: Callable[[RotorRecord], None] = lambda _: None
         """Called with the state of all rotors at the end of each ms."""
         self._axes = [(board, axis) for board in boards for axis in range(board.config.axis_count)]
-        """Board of each axis, and the number of the axis on it."""
+        """Board and number on it of each axis."""
         self._followers = [follower for board in boards for follower in board.follow_outputs()]
         drives = [
             replace(drive, mounting_rad=-drive.motor.teeth * angle)
@@ -106,11 +107,11 @@ class RotorWatch:
         self._cycles_substeps = [_CYCLE_FULL_STEPS * each for each in substeps]
         """Substeps in an electrical cycle of each rotor."""
         self.stretch_ticks: int = REST_TICKS
-        """Greatest stretch while an axis moves."""
+        """Longest stretch while an axis moves."""
         self.payload_kg: float = wiring.payload_kg
         """Mass of the payload."""
         self.other_payloads_kg: list[float] = []
-        """Masses that it has been given since power-up, the last one the present."""
+        """Masses of the payload that have been set since power-up; the last one is the present mass."""
         self._bare, self._loaded = wiring.arm_with(0.0), wiring.arm_with(wiring.payload_kg)
         self._held = int(wiring.held_by is None)
         """1 while the payload hangs at the tool."""
@@ -119,17 +120,17 @@ class RotorWatch:
         """Axes whose outputs have not been on yet."""
         self._steady: list[Steady | None] = [None] * len(drives)
         self._tables = [_NOTHING] * len(drives)
-        """Each axis' events by the field's angle while only steps come, as `_steady` has it."""
+        """Events of each axis' field angle while only steps change it, as in `_steady`."""
         self._still_ticks = 0
-        """Ticks for which no driver has changed and no rotor has turned."""
+        """Ticks without a change of any driver or a turn of any rotor."""
         self._free_tick = 0
-        """Tick up to whose start no rotor can reach a switch."""
+        """Tick before which no rotor can reach a switch."""
         self._slipped = [list(board.slipped_full_steps) for board in boards]
-        """Full steps by which each rotor has been made to slip, by board."""
+        """Full steps of each rotor's injected slips, by board."""
         self._tick = 0
-        """Tick up to whose start the rotors have turned."""
+        """Tick to which the rotors have turned."""
         self._changes: list[tuple[int, Callable[[], None]]] = []
-        """What happens to the rotors beside their drivers, in order of time: the tick at whose start, and what."""
+        """Changes of the rotors that do not come from drivers, by time: a tick, and the change at its start."""
         first = 0
         for board in boards:
             board.rotor_of = self._reader(board, first)
@@ -137,13 +138,13 @@ class RotorWatch:
         if wiring.held_by is not None:
             boards[wiring.held_by.board].watch_outputs()
         self._pieces: Iterator[None] | None = None
-        """What is left of a stretch that `work` has begun."""
+        """Remaining pieces of a stretch that `work` has begun."""
         self._end_tick = 1
         self.next_due_counts: int = TICK_COUNTS - 1
-        """Instant just before the end of the stretch: the boards have computed what comes before, and no more."""
+        """Instant just before the end of the stretch; the boards have computed all pulses before it."""
 
     def _reader(self, board: Board, first: int) -> Callable[[int], Shaft]:
-        """Return what tells a board where the rotor of one of its axes is, at the start of the present tick."""
+        """Return a function that gives a board the position of an axis' rotor at the start of the present tick."""
 
         def read(axis: int) -> Shaft:
             self._turn_to_now()
@@ -157,7 +158,7 @@ class RotorWatch:
     # --- time
 
     def step(self, now_counts: int) -> None:
-        """See what has happened by now: outputs that have switched, and whether a stretch has ended."""
+        """Register outputs that have come on, and end the stretch when its time has come."""
         wire = self._wiring.held_by
         if wire is not None:
             level = self._boards[wire.board].output_level(wire.axis, wire.pin)
@@ -176,23 +177,23 @@ class RotorWatch:
             self._plan()
 
     def load(self, payload_kg: float) -> None:
-        """Let the payload have another mass in kg."""
+        """Set the mass of the payload in kg."""
         self.payload_kg, self._loaded = payload_kg, self._wiring.arm_with(payload_kg)
         self.other_payloads_kg.append(payload_kg)
         self._carry()
 
     @property
     def _arm(self) -> Arm:
-        """What the motors turn now."""
+        """Arm that the motors turn now."""
         return self._loaded if self._held else self._bare
 
     def _carry(self) -> None:
-        """Let the motors turn other masses from the next ms on."""
+        """Update the masses from the next ms on."""
         tick = -(-self._now() // (TICKS_PER_MS * TICK_COUNTS)) * TICKS_PER_MS
         self._change_at(tick, partial(self.rotors.carry, self._arm))
 
     def _see_slips(self) -> None:
-        """Let rotors slip at the start of the tick when `Slip` has made them."""
+        """Apply the slips injected by `Slip` at the start of the tick."""
         first = 0
         for number, board in enumerate(self._boards):
             for axis, full_steps in enumerate(board.slipped_full_steps):
@@ -203,14 +204,14 @@ class RotorWatch:
             first += board.config.axis_count
 
     def _change_at(self, tick: int, change: Callable[[], None]) -> None:
-        """Let something happen to the rotors at the start of a tick, before which the stretch ends."""
+        """Schedule a change of the rotors at the start of a tick; the stretch ends before it."""
         self._changes.append((tick, change))
         self._changes.sort(key=lambda item: item[0])
         self._still_ticks = self._free_tick = 0
         self._plan()
 
     def finish(self, milliseconds: int) -> None:
-        """Turn the rotors alone up to an instant since power-up, after the boards' last edge."""
+        """Turn the rotors alone to an instant in ms since power-up, after the boards' last edge."""
         if TICKS_PER_MS * milliseconds > self._tick:
             self._turn(TICKS_PER_MS * milliseconds)
 
@@ -226,13 +227,13 @@ class RotorWatch:
 
     @property
     def pressing(self) -> bool:
-        """True if work is better done at once, a piece a tick, than when the stretch has ended."""
+        """True if `work` should be done at once, a piece a tick, before the stretch ends."""
         return self._now() >= (self._end_tick - _PIECES) * TICK_COUNTS
 
     def work(self) -> None:
-        """Do one piece of what lets the rotors follow up to now, some 50 us long; after the last the switches follow.
+        """Do one piece of about 50 us that lets the rotors follow; after the last piece the switches follow.
 
-        Whatever asks for the rotors between two pieces completes the stretch first.
+        Every reader of the rotors completes the stretch first.
         """
         if self._pieces is None:
             self._pieces = self._turning(min(self._now_tick, self._end_tick), at_once=False)
@@ -242,14 +243,14 @@ class RotorWatch:
             self._pieces = None
 
     def _complete(self) -> None:
-        """Do the pieces that are left of a stretch."""
+        """Do the remaining pieces of a stretch."""
         if self._pieces is not None:
             pieces, self._pieces = self._pieces, None
             deque(pieces, maxlen=0)
 
     @property
     def _now_tick(self) -> int:
-        """The last tick that has begun, up to whose start all boards have computed their pulses."""
+        """Last tick that has begun; all boards have computed their pulses before it."""
         computed = min(board.motion.tick for board in self._boards)
         return min(self._now() // TICK_COUNTS, computed)
 
@@ -260,11 +261,11 @@ class RotorWatch:
             self._turn(min(tick, self._end_tick))
 
     def _turn(self, tick: int) -> None:
-        """Turn the rotors up to the start of a tick, and let the switches follow."""
+        """Turn the rotors to the start of a tick, then update the switches."""
         deque(self._turning(tick, at_once=True), maxlen=0)
 
     def _turning(self, tick: int, *, at_once: bool) -> Iterator[None]:
-        """Turn the rotors up to the start of a tick, with a pause after each piece of it."""
+        """Turn the rotors to the start of a tick, and yield after each piece."""
         until_counts = tick * TICK_COUNTS
         rows = []
         if at_once:
@@ -297,15 +298,14 @@ class RotorWatch:
         if changed or tick >= self._free_tick - (0 if at_once else 2 * PIECEMEAL_TICKS):
             self._place()
             yield
-            # After a change the masses by which a rotor may be accelerated are known a step later.
+            # After a change, the rotors' greatest acceleration is known a step later.
             self._free_tick = tick if changed else tick + self._free_ticks()
         self._plan()
 
     def _rows(self, axis: int, changes: FieldTurns | OutputChanges | None) -> FloatArray:
-        """Return changes at a driver's outputs as the rotors take them.
+        """Return changes at a driver's outputs as events of the rotors.
 
-        The rotor's angle grows with the position, the field's with DIR low: so it is taken the other way round, and
-        phase B with it.
+        The rotor's angle grows with the position, the field's with DIR low: field angle and phase B change sign.
         """
         if changes is None:
             return _NOTHING
@@ -333,7 +333,7 @@ class RotorWatch:
         return [(place - start) * (drive.motor.full_steps_per_rev / (2.0 * pi)) for place, start, drive in at]
 
     def _place(self) -> None:
-        """Let the switches follow the rotors."""
+        """Update the switches from the rotors."""
         places = self.rotors.coordinates_rad()
         at = [floor(place * per_rad + 0.5) for place, per_rad in zip(places, self._per_rad, strict=True)]
         first = 0
@@ -356,13 +356,13 @@ class RotorWatch:
 
     @property
     def _still(self) -> bool:
-        """True while all stands, until a driver changes: then no rotor is on its way to a switch."""
+        """True while all rotors stay at standstill until a driver changes; then none approaches a switch."""
         return self._still_ticks >= _STILL_TICKS
 
     def _free_ticks(self) -> int:
-        """Return the number of ticks in which no rotor reaches a switch, by its speed and its greatest acceleration.
+        """Return the number of ticks before any rotor can reach a switch, by its speed and its greatest acceleration.
 
-        Nor does one reach an end stop, whose jerk accelerates all others more.
+        End stops count as switches, since their impact accelerates all other axes.
         """
         speeds = [abs(rate) * per for rate, per in zip(self.rotors.rates_rad_s(), self._per_rad, strict=True)]
         accelerations = [
@@ -371,7 +371,7 @@ class RotorWatch:
         if inf in accelerations:  # nothing has turned yet
             return 0
         least, first = float(_FREE_TICKS_MAX), 0
-        for axis, way in self._ways_to_stops():
+        for axis, way in self._distances_to_stops():
             least = min(least, _ticks_to(way, speeds[axis], accelerations[axis]))
         for board in self._boards:
             for travel, distance in board.distances_to_change():
@@ -385,8 +385,8 @@ class RotorWatch:
             first += board.config.axis_count
         return int(least)
 
-    def _ways_to_stops(self) -> list[tuple[int, float]]:
-        """Return the axes with end stops, and the distance of each to the nearer one in substeps."""
+    def _distances_to_stops(self) -> list[tuple[int, float]]:
+        """Return the axes with end stops, and the distance of each to the nearer stop in substeps."""
         places = self.rotors.coordinates_rad()
         return [
             (axis, max(0.0, min(places[axis] - drive.lower_rad, drive.upper_rad - places[axis])) * self._per_rad[axis])
@@ -396,12 +396,12 @@ class RotorWatch:
 
 
 def _ticks_to(way: float, speed: float, acceleration: float) -> float:
-    """Return the least number of ticks that a way takes; ways in substeps."""
+    """Return the least number of ticks for a distance in substeps."""
     return (sqrt(speed * speed + 2.0 * acceleration * way) - speed) / (acceleration * _TICK_S)
 
 
 def _table(steady: Steady) -> FloatArray:
-    """Return the events of a field that turns, by its angle; instant and angle are to be filled in."""
+    """Return the events of a turning field by its angle; the caller fills in instant and angle."""
     count = len(steady.currents_a)
     return _filled(count, steady.currents_a, np.full(count, steady.fast))
 

@@ -1,7 +1,7 @@
-"""The rotors of all axes of a machine: what the drivers' currents really turn.
+"""The rotors of all axes of a machine, turned by the drivers' currents.
 
 A driver counts steps whether or not the rotor follows. This model turns the rotors by the phase currents of the drivers
-and by the masses that hang on them, and tells how far each lags behind its field, and when it slips.
+and by the masses on them. It gives each rotor's lag behind its field, and its slips.
 """
 
 from collections.abc import Generator, Sequence
@@ -32,14 +32,14 @@ from steptwin.features.motors.rotors.rotor_run import REFRESH_STEPS, TICK_STEPS
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """One motor with what is between it and its coordinate of the mechanism; torques are those at the rotor.
+    """One motor and the transmission to its coordinate of the mechanism; torques are those at the rotor.
 
     Attributes:
         motor: the motor.
         bridge_ohm: both switches of the bridge and the sense resistor.
         current_max_a: highest current that the driver makes in a phase.
         friction_nm: Coulomb friction of motor and gear.
-        efficiency: of the gear, 0 to 1: what it carries rubs in addition.
+        efficiency: of the gear, 0 to 1; its losses add friction in proportion to the load.
         brake_nm: torque of a brake, which holds while the driver's outputs are off.
         stiffness_nm_rad: of a belt or shaft between rotor and coordinate; inf: stiff.
         damping_nm_s: of the same.
@@ -47,8 +47,7 @@ class Drive:
         upper_rad: likewise at the upper one.
         mounting_rad: electrical angle of the rotor where its coordinate is 0.
 
-    Raises:
-        ValueError: the efficiency is not above 0 and up to 1.
+    ValueError: the efficiency is not above 0 and up to 1.
     """
 
     motor: Motor
@@ -69,9 +68,9 @@ class Drive:
 
     @property
     def most_nm(self) -> float:
-        """Torque that the motor hardly ever exceeds: both phases at the highest current that a driver makes, swinging.
+        """Torque that the motor hardly ever exceeds: both phases at the driver's highest current, oscillating.
 
-        A belt that gives passes on twice the torque of a jerk.
+        An elastic belt passes on twice the torque of an impact.
         """
         elastic = 1.0 if self.stiffness_nm_rad == inf else 2.0
         return elastic * (
@@ -79,7 +78,7 @@ class Drive:
         )
 
     def numbers(self) -> list[float]:
-        """Return the drive as the kernel stores it."""
+        """Return the drive as numbers for the kernel."""
         motor, resistance = self.motor, self.motor.resistance_ohm + self.bridge_ohm
         fall = exp(-resistance * rk.DT_S / motor.inductance_h)
         elastic = self.stiffness_nm_rad != inf
@@ -113,7 +112,7 @@ class Drive:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DriverEvents:
-    """What changes at one driver's outputs, sorted by time; arrays of shape (n,).
+    """Changes at one driver's outputs, sorted by time; arrays of shape (n,).
 
     Attributes:
         counts: instants in counts of the timer.
@@ -132,7 +131,7 @@ class DriverEvents:
     on: FloatArray
 
     def numbers(self) -> FloatArray:
-        """Return the events as the kernel stores them, shape (n, EVENT_FIELDS)."""
+        """Return the events as numbers for the kernel, shape (n, EVENT_FIELDS)."""
         columns = (self.counts, self.field_rad, self.a_amp, self.b_amp, self.fast, self.on)
         return np.column_stack([np.asarray(column, dtype=np.float64) for column in columns])
 
@@ -144,11 +143,11 @@ class RotorRecord:
     Attributes:
         counts: shape (n,), the instants.
         rotor_rad: angle of each rotor, counted through.
-        coordinate_rad: angle of what it turns, which differs by the twist of an elastic drive.
-        worst_rad: load angle of the greatest amount in that ms, electrical, with its sign.
-        lost_full_steps: full steps by which each rotor is away from its field; 4 for each slip.
+        coordinate_rad: angle of the coordinate; differs from the rotor's by the twist of an elastic drive.
+        worst_rad: load angle with the largest magnitude in that ms, in electrical rad, with sign.
+        lost_full_steps: full steps between each rotor and its field; 4 for each slip.
         torque_nm: the motor's torque.
-        warmer_k: the windings' temperature above the surroundings.
+        warmer_k: temperature of the windings above ambient.
     """
 
     counts: Int64Array
@@ -161,7 +160,7 @@ class RotorRecord:
 
 
 class Energies(NamedTuple):
-    """Energy in J since the beginning, arrays of shape (axes,): what came in by the bridges, and where it went."""
+    """Energy in J since the beginning, arrays of shape (axes,): input by the bridges, and its uses."""
 
     driven: FloatArray
     copper: FloatArray
@@ -171,7 +170,7 @@ class Energies(NamedTuple):
 
 
 class Rotors:
-    """All rotors of a machine, coupled by its arm; at first at rest with currents off."""
+    """All rotors of a machine, coupled by its arm; they begin at rest with currents off."""
 
     def __init__(
         self,
@@ -212,7 +211,7 @@ class Rotors:
             supply=numbers(supply.numbers(rk.DT_S)),
         )
         self._rows = np.empty((0, rk.EVENT_FIELDS))
-        """Events that are fed, axis after axis; `_events` holds the same for the kernel."""
+        """Events fed so far, axis after axis; `_events` holds them for the kernel."""
         nothing = [0] * self._axes
         self._events = rk.EventArrays(numbers([]), self._backend.indices(nothing), self._backend.indices(nothing))
         self._steps = 0
@@ -220,21 +219,21 @@ class Rotors:
 
     @property
     def counts(self) -> int:
-        """Instant up to which the rotors have turned."""
+        """Instant to which the rotors have turned."""
         return self._began_counts + self._steps * rk.DT_COUNTS
 
     def carry(self, arm: Arm) -> None:
-        """Go on with other masses on the same joints, from the next ms on: a payload is taken or left."""
+        """Change the masses on the same joints from the next ms on: a payload is taken or left."""
         self._arm = self._arm._replace(bodies=body_numbers(arm, self._backend))
 
     def mount(self, axis: int, mounting_rad: float) -> None:
-        """Let a rotor whose outputs have not been on yet have another electrical angle where it stands."""
+        """Set the electrical angle at which a rotor is mounted, before its outputs come on for the first time."""
         self._rotors.state[axis * rk.STATE_FIELDS + rk.ANGLE] += mounting_rad - self._mounting_rad[axis]
         self._rotors.axes[axis * rk.AXIS_FIELDS + rk.MOUNTING] = mounting_rad
         self._mounting_rad[axis] = mounting_rad
 
     def slip(self, axis: int, turns: int) -> None:
-        """Turn a rotor, and what it turns, by whole electrical turns at once."""
+        """Turn a rotor and its coordinate by whole electrical turns at once."""
         x, by = axis * rk.STATE_FIELDS, 2.0 * pi * turns
         self._rotors.state[x + rk.ANGLE] += by
         self._rotors.state[x + rk.PLACE] += by / self._teeth[axis]
@@ -243,19 +242,19 @@ class Rotors:
             self._rotors.state[x + rk.SLIP_STEP] = self._steps
 
     def coordinates_rad(self) -> list[float]:
-        """Return the angle of what each rotor turns, as in `RotorRecord`."""
+        """Return the angle of each coordinate, as in `RotorRecord`."""
         return self._each(rk.PLACE)
 
     def rates_rad_s(self) -> list[float]:
-        """Return the speeds of the same."""
+        """Return the speed of each coordinate."""
         return self._each(rk.RATE)
 
     def lost_full_steps(self) -> list[float]:
-        """Return the full steps by which each rotor is away from its field, as in `RotorRecord`."""
+        """Return the full steps between each rotor and its field, as in `RotorRecord`."""
         return [FULL_STEPS_PER_TOOTH * turns for turns in self._each(rk.TURN)]
 
     def accelerations_max_rad_s2(self) -> list[float]:
-        """Return how fast each coordinate may be accelerated at most, roughly, at the masses of the present ms."""
+        """Return a rough upper limit of each coordinate's acceleration, at the masses of the present ms."""
         inverse = np.abs(np.array(self._rotors.inverse)).reshape(self._axes, self._axes)
         if not inverse.any():  # nothing has turned yet
             return [inf] * self._axes
@@ -263,11 +262,11 @@ class Rotors:
         return most
 
     def feed(self, events: Sequence[DriverEvents]) -> None:
-        """Take the next changes at each axis' driver. One takes effect in the first step that is not before it."""
+        """Add the next changes at each axis' driver. A change takes effect in the first step that is not before it."""
         self.feed_rows([axis.numbers() for axis in events])
 
     def feed_rows(self, events: Sequence[FloatArray]) -> None:
-        """Take the same as the kernel stores them, an array of shape (n, EVENT_FIELDS) for each axis."""
+        """Add changes as numbers for the kernel, an array of shape (n, EVENT_FIELDS) for each axis."""
         parts = [
             part
             for first, end, new in zip(self._events.cursors, self._events.ends, events, strict=True)
@@ -290,7 +289,7 @@ class Rotors:
         return self._record(self._advanced(ticks))
 
     def advancing(self, ticks: int) -> Generator[None, None, RotorRecord]:
-        """Do the same in pieces that end where a ms ends, with a pause after each; return the same."""
+        """Turn the rotors in pieces that end with a ms; yield after each piece and return as `advance_ticks`."""
         parts = []
         while ticks:
             part = min(TICKS_PER_MS - self._steps // TICK_STEPS % TICKS_PER_MS, ticks)
@@ -319,7 +318,7 @@ class Rotors:
         return np.array(self._rotors.state, dtype=np.float64).reshape(self._axes, rk.STATE_FIELDS)[:, field].copy()
 
     def _record(self, kept: FloatArray) -> RotorRecord:
-        """Return the state after each ms of the last ones that have ended, of `kept`, shape (n, axes, STATE_FIELDS)."""
+        """Return a record of the last `len(kept)` ms; `kept` has shape (n, axes, STATE_FIELDS)."""
         ended = self._steps - self._steps % REFRESH_STEPS
         ago = np.arange(len(kept) - 1, -1, -1) * REFRESH_STEPS
         return RotorRecord(
@@ -344,16 +343,16 @@ class Rotors:
 
     @property
     def supply_given_j(self) -> tuple[float, float]:
-        """Energy that the source has given so far, and the part of it that its resistance has lost."""
+        """Energy that the source has given so far, and its loss in the source's resistance."""
         return float(self._rotors.supply[GIVEN_J]), float(self._rotors.supply[LOST_J])
 
     def energies(self) -> Energies:
-        """Return where the energy has gone, for each axis."""
+        """Return the energies of each axis."""
         return Energies(*(self._column(field) for field in (rk.IN_J, rk.COPPER_J, rk.DRAG_J, rk.RUBBED_J, rk.LOADED_J)))
 
 
 def _rest(drive: Drive, rotor_rad: float) -> list[float]:
-    """Return the state of a rotor at rest, its field where it is."""
+    """Return the state of a rotor at rest, aligned with its field."""
     state = [0.0] * rk.STATE_FIELDS
     state[rk.ANGLE] = state[rk.FIELD] = drive.motor.teeth * rotor_rad + drive.mounting_rad
     state[rk.PLACE], state[rk.SLIP_STEP] = rotor_rad, -1.0

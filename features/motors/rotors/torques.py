@@ -1,9 +1,9 @@
-"""Torques at a steady speed and along a motion: what a motor has before it slips, and what a motion needs of it.
+"""Torques at a steady speed and along a motion: the pull-out torque of a motor, and the torque that a motion needs.
 
-The pull-out torque is the load beyond which a motor slips. At a steady speed the field runs ahead of the rotor by the
-load angle. The phase currents of one electrical turn follow from the averaged chopper (`rotor_kernel`); their mean
-torque depends on the load angle, and its maximum is the pull-out torque. An array holds all load angles and speeds at
-once. What a motion needs holds if every rotor keeps step.
+The pull-out torque is the load beyond which a motor slips. At a steady speed the field leads the rotor by the load
+angle. The phase currents of one electrical turn follow from the averaged chopper (`rotor_kernel`). Their mean torque
+depends on the load angle, and its maximum is the pull-out torque. One array holds all load angles and speeds. The
+torque that a motion needs assumes that every rotor keeps step.
 """
 
 from collections.abc import Iterable, Sequence
@@ -27,7 +27,7 @@ from steptwin.features.motors.rotors.rotor_kernel import STATE_FIELDS
 from steptwin.features.motors.rotors.rotors import Drive
 
 _LOAD_ANGLES: Final = np.linspace(0.0, np.pi, 41)
-"""From no load to the far side of the maximum, which the currents' lag at high speed pushes beyond a quarter turn."""
+"""From no load to beyond the maximum; at high speed lagging currents put the maximum beyond a quarter turn."""
 _SETTLING_TURNS: Final = 8
 """Electrical turns after which the currents repeat."""
 _PARTS: Final = 128
@@ -38,14 +38,14 @@ def needed_torque_nm(
     drives: Sequence[Drive], arm: Arm, rad: FloatArray, rad_s: FloatArray, rad_s2: FloatArray,
     backend: RotorBackend | None = None,
 ) -> FloatArray:  # fmt: skip
-    """Return the torque at each rotor, with friction, but without the iron's drag, which pull-out torques leave out.
+    """Return the torque at each rotor, with friction. The iron's drag is left out, as in pull-out torques.
 
     Args:
         drives: of each axis.
         arm: what they turn.
-        rad: rotors' angles, shape (n, axes); likewise their speeds and accelerations.
-        rad_s: the speeds.
-        rad_s2: the accelerations.
+        rad: rotors' angles, shape (n, axes).
+        rad_s: speeds, shape (n, axes).
+        rad_s2: accelerations, shape (n, axes).
         backend: by default the fastest.
     """
     carried = carried_torque_nm(arm, rad, rad_s, rad_s2, backend)
@@ -56,7 +56,7 @@ def needed_torque_nm(
 
 
 def rotor_torque_nm(drive: Drive, carried: FloatArray, rad_s: FloatArray, rad_s2: FloatArray) -> FloatArray:
-    """Return one motor's torque, shape (n,), where its gear carries `carried`; at rest friction helps to hold."""
+    """Return one motor's torque, shape (n,), for the gear's load `carried`; at rest friction helps to hold."""
     rubbing = drive.friction_nm + (1.0 / drive.efficiency - 1.0) * np.abs(carried)
     driving = carried + drive.motor.rotor_inertia_kgm2 * rad_s2
     held = np.sign(driving) * np.maximum(np.abs(driving) - rubbing, 0.0)
@@ -67,7 +67,7 @@ def carried_torque_nm(
     arm: Arm, rad: FloatArray, rad_s: FloatArray, rad_s2: FloatArray, backend: RotorBackend | None = None,
     gravity_m_s2: float = GRAVITY_M_S2,
 ) -> FloatArray:  # fmt: skip
-    """Return what the arm alone needs at each rotor, shape (n, axes): weights and what its masses' motion takes."""
+    """Return the torque that the arm alone needs at each rotor, shape (n, axes): weights and inertia."""
     backend = backend or fastest_rotors()
     (instants, axes), count = rad.shape, len(arm.bodies)
 
@@ -85,7 +85,7 @@ def carried_torque_nm(
 
 @dataclass(frozen=True, slots=True)
 class DriveSupply:
-    """What drives a motor: supply, the current's amplitude, decay, and the bridge with its sense resistor."""
+    """Supply of a motor: voltage, current amplitude, decay, and the bridge with its sense resistor."""
 
     volt: float
     current_a: float
@@ -96,17 +96,17 @@ class DriveSupply:
 def pull_out_nm(motor: Motor, supply: DriveSupply, rpm: FloatArray) -> FloatArray:
     """Return the pull-out torque at speeds in turns a minute, of any shape; not below 0.
 
-    The currents' references are sines, as those of small microsteps are.
+    The current references are sines, as those of small microsteps are.
     """
     speeds = np.ravel(np.asarray(rpm, dtype=np.float64))
     return np.asarray(pull_outs_nm([(motor, supply)], speeds[None, :])[0].reshape(np.shape(rpm)), dtype=np.float64)
 
 
 def pull_outs_nm(kinds: Sequence[tuple[Motor, DriveSupply]], rpm: FloatArray) -> FloatArray:
-    """Return the pull-out torques of several motors on their drives, each at its own speeds, at once.
+    """Return the pull-out torques of several motors, each at its own speeds.
 
     Args:
-        kinds: motors with what drives them.
+        kinds: motors with their supplies.
         rpm: speeds in turns a minute, shape (kinds, speeds).
 
     Returns:
@@ -120,10 +120,10 @@ def pull_outs_nm(kinds: Sequence[tuple[Motor, DriveSupply]], rpm: FloatArray) ->
 
 
 def _mean_torques(rows: Sequence[tuple[Motor, DriveSupply]], rad_s: FloatArray) -> FloatArray:
-    """Return the mean torque of each row's motor at its speed over one electrical turn, shape (rows, load angles).
+    """Return the mean torque of each row's motor over one electrical turn, shape (rows, load angles).
 
-    Phase B does a quarter of a turn later what phase A does, and each half of a turn mirrors the other: half a turn of
-    phase A is enough.
+    Phase B follows phase A by a quarter turn, and the second half of a turn mirrors the first: half a turn of phase A
+    is enough.
     """
     motors, supplies = zip(*rows, strict=True)
     teeth = _column(motor.teeth for motor in motors)

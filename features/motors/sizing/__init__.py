@@ -1,1 +1,1 @@
-"""Sizing of motors: which would do, how far a run is from losing steps, and where a motor resonates."""
+"""Sizing of motors: suitable motors, torque margins of a run, and resonances."""

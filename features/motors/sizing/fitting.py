@@ -1,8 +1,7 @@
-"""Which motors would do for a robot, without any run, and how long a program takes by the torque that they have left.
+"""Suitability of motors for a robot without any run, and the duration of a program by torque reserve.
 
-Each joint in turn goes at its highest speed, or at almost none, and accelerates or brakes as hard as it may, with the
-payload, at the poses where that is hardest. What this needs of each motor is held against the motor's pull-out torque
-at that speed.
+Each joint in turn moves at its highest speed, or at almost 0, and accelerates or brakes at its limit, with the payload,
+at the poses with the greatest load. The needed torque is compared with the motor's pull-out torque at that speed.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -35,14 +34,14 @@ if TYPE_CHECKING:
 
 
 TABLE_RPM: Final = (0.0, 60.0, 120.0, 240.0, 360.0, 480.0, 600.0, 900.0, 1200.0)
-"""Speeds where a pull-out curve is told."""
+"""Speeds of the printed pull-out curves."""
 LEFT_PERCENT: Final = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0)
-"""Percentages of the torque that are tried."""
+"""Torque reserves that are tried, in percent."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """How a motor would do for a joint, where its margin is least.
+    """Suitability of a motor for a joint, where its margin is least.
 
     Attributes:
         motor: its name.
@@ -62,7 +61,7 @@ class Fit:
 
     @property
     def would_do(self) -> bool:
-        """True if enough torque is left."""
+        """True if the torque margin is large enough."""
         return self.margin >= MARGIN_MIN
 
     def to_dict(self) -> dict[str, Any]:
@@ -72,20 +71,20 @@ class Fit:
 
 @dataclass(frozen=True, slots=True)
 class JointFit:
-    """A joint's own motor, and all of the catalogue in its place.
+    """A joint's own motor, and those of the catalogue in its place.
 
     Attributes:
         name: the joint.
         unit: of its positions.
         own: its motor at the drivers' current.
-        moving: its acceleration_max, at up to the joint's highest speed.
-        homing: the acceleration of its homing, at up to its search speed; None without a homing that moves.
-        rpm_max: the motor's speed at the joint's highest one.
-        inertia_kgm2: of the rotor with all that it moves, at the motor's shaft, where that is greatest.
-        natural_hz: of small oscillations about the field with that inertia, the lowest there is.
-        pose: the joints there, in mm and degrees.
-        pull_out_nm: of its own motor by the speeds of TABLE_RPM.
-        others: motors in its place, each at its rated current as far as a TB6560 gives it.
+        moving: acceleration_max of the motion, up to the joint's highest speed.
+        homing: acceleration of the homing, up to its search speed; None without a homing that moves.
+        rpm_max: the motor's speed at the joint's highest speed.
+        inertia_kgm2: greatest inertia of the rotor with its load, at the motor's shaft.
+        natural_hz: lowest frequency of small oscillations about the field, at that inertia.
+        pose: joints at that inertia, in mm and degrees.
+        pull_out_nm: pull-out torque of its own motor at the speeds of TABLE_RPM.
+        others: motors in its place, each at its rated current or at the highest current of a TB6560.
     """
 
     name: str
@@ -122,7 +121,7 @@ class JointFit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Demands:
-    """What the arm asks of each rotor at its limits; arrays of shape (n, axes)."""
+    """Torques that the arm needs at its limits; arrays of shape (n, axes)."""
 
     carried_nm: FloatArray
     rad_s: FloatArray
@@ -132,12 +131,12 @@ class _Demands:
 def fits_of(
     robot: Robot, current_a: float | None = None, others: Collection[Motor] = tuple(CATALOGUE.values())
 ) -> tuple[JointFit, ...]:
-    """Return how the motors of a robot, and others in their place, would do for its joints.
+    """Return the suitability of a robot's motors, and of others in their place, for its joints.
 
     Args:
         robot: the robot, with motors and masses.
         current_a: phase current at full torque of its own motors; by default that of its drivers.
-        others: by default all of the catalogue.
+        others: by default all motors of the catalogue.
 
     Raises:
         InputError: the robot's file does not describe its motors and masses.
@@ -176,9 +175,9 @@ def fits_of(
 
 
 def natural_hz(drive: Drive, current_a: float, inertia_kgm2: float) -> float:
-    """Return the lowest frequency of small oscillations of a rotor, with the inertia that it carries.
+    """Return the lowest frequency of small oscillations of a rotor with the inertia that it carries.
 
-    The field holds the rotor by the stiffness Nr (Km I + 4 Td); a belt makes two masses on two springs.
+    The field is a spring of stiffness Nr (Km I + 4 Td). A belt adds a second spring and a second mass.
     """
     motor, rotor = drive.motor, drive.motor.rotor_inertia_kgm2
     field = motor.teeth * (motor.torque_constant_nm_a * current_a + 4.0 * motor.detent_torque_nm)
@@ -212,7 +211,7 @@ def _fit(drive: Drive, current_a: float, curve: PullOutCurve, demands: _Demands,
 
 
 def _demands(robot: Robot, at: ArmAtPoses) -> _Demands:
-    """Return each joint in turn at its limits, at each pose."""
+    """Return the demands of each joint in turn at its limits, at each pose."""
     count = len(robot.joints)
     cases = list(product(range(count), (ALMOST_NONE, -ALMOST_NONE, 1.0, -1.0), (1.0, -1.0)))
     rates, accelerations = np.zeros((2, len(cases), count))
@@ -226,14 +225,14 @@ def _demands(robot: Robot, at: ArmAtPoses) -> _Demands:
 
 @dataclass(frozen=True, slots=True)
 class CycleTime:
-    """A program with some torque left.
+    """Duration of a program at a torque reserve.
 
     Attributes:
-        left_percent: what is asked for.
-        duration_s: its duration; None if the motors do not manage it.
-        joint: the joint whose motor has least left; empty if they do not manage it.
-        tries: number of motions of the step that was refused most often by the rotors.
-        refused: why they do not manage it; empty if they do.
+        left_percent: the torque reserve.
+        duration_s: the duration; None if the motors cannot follow.
+        joint: the joint with the least torque left; empty if the motors cannot follow.
+        tries: number of motions of the step that the rotors refused most often.
+        refused: the reason why the motors cannot follow; empty if they can.
     """
 
     left_percent: float
@@ -260,7 +259,7 @@ def with_motors_of(robot: Robot, models: Mapping[str, str]) -> Robot:
 
 
 def cycle_times(program: Program, robot: Robot) -> tuple[CycleTime, ...]:
-    """Return how long a program takes by each percentage; raise InputError if it is wrong for other reasons."""
+    """Return the duration of a program for each torque reserve; raise InputError for other errors of the program."""
     compile_program(replace(program, limits=None), robot)
     return tuple(_cycle_time(program, robot, left) for left in LEFT_PERCENT)
 
@@ -277,7 +276,7 @@ def _cycle_time(program: Program, robot: Robot, left_percent: float) -> CycleTim
 
 
 def draw_cycles(robot: Robot, cycles: Mapping[str, Sequence[CycleTime]], by_joints_s: float) -> "Figure":
-    """Draw the durations by the torque that is left, a line for each choice of motors, by its name."""
+    """Draw the durations by torque reserve, a line for each choice of motors."""
     from matplotlib.figure import Figure
 
     from steptwin.host.record.plots.canvas import COUNTED, LIMIT

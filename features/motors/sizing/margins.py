@@ -1,8 +1,8 @@
-"""How far a run is from losing steps: the lowest current, the largest payload and the fastest motion that keep step.
+"""Margins of a run before it loses steps: lowest current, largest payload and fastest motion that keep step.
 
-Each border is found by bisection: a trial turns the rotors by the run's record, changed in one thing, and ends with the
-first slip. Nothing is emulated again. Bisection takes it that what lies beyond a trial that slips slips too; close to a
-resonance that may be wrong, so a border is told with both of its sides.
+Bisection finds each border. A trial turns the rotors by the run's record with one quantity changed, and ends with the
+first slip. The boards are not emulated again. Bisection assumes that slips continue beyond a value that slips. Close to
+a resonance that may be wrong, so each border is given with both of its sides.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,9 +17,9 @@ from steptwin.features.motors.turning.driving import Driving, Progress
 from steptwin.host.verify import Comparison
 
 RESOLUTION: Final = 0.02
-"""Ratio of the two sides of a border, less 1."""
+"""Ratio of the two sides of a border, minus 1."""
 _CURRENT_LEAST: Final = 1.0 / 32.0
-"""Lowest current tried, as a part of the run's."""
+"""Lowest current tried, as a fraction of the run's."""
 _PAYLOAD_LEAST_KG: Final = 0.05
 _PAYLOAD_MOST_KG: Final = 100.0
 _STRETCH_LEAST: Final = 1.0 / 16.0
@@ -33,13 +33,13 @@ class Border:
     """The border between keeping step and slipping.
 
     Attributes:
-        quantity: what was changed: `current_a`, `payload_kg` or `stretch`.
+        quantity: the changed quantity: `current_a`, `payload_kg` or `stretch`.
         run: its value in the run; 1 for the stretch.
         keeps: the last value that keeps step; None if no value in the range does.
-        slips: the first that does not; None if all values up to `limit` keep step.
-        joint: the joint that slips first there; empty if none does.
-        slips_at_s: when, from the start of the motion, in the motion's own time.
-        limit: the end of the range that was searched.
+        slips: the first value that slips; None if all values up to `limit` keep step.
+        joint: the joint that slips first; empty if none does.
+        slips_at_s: time of that slip from the start of the motion, in the motion's own time.
+        limit: end of the searched range.
     """
 
     quantity: str
@@ -53,14 +53,14 @@ class Border:
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """What one border is searched by.
+    """Search of one border.
 
     Attributes:
-        quantity: its name.
-        run: the value in the run.
+        quantity: name of the quantity.
+        run: its value in the run.
         safe: the safest value of the range.
-        risky: the riskiest.
-        change: makes a run's driving one with another value.
+        risky: the riskiest value of the range.
+        change: returns a run's driving with another value.
     """
 
     quantity: str
@@ -71,36 +71,36 @@ class Search:
 
     @property
     def trials_max(self) -> int:
-        """Number of trials at most, with the one at the end of the range."""
+        """Largest number of trials, with the one at the end of the range."""
         return 1 + max(_halvings(self.run, end) for end in (self.safe, self.risky))
 
     def border(self, slip_of_run: MotionSlip | None, trial: Trial) -> Border:
-        """Return the border; `slip_of_run` is what the run itself does."""
+        """Return the border; `slip_of_run` is the first slip of the run itself."""
         end = self.safe if slip_of_run else self.risky
         slip_at_end = trial(self.change(end)) if end != self.run else slip_of_run
         if bool(slip_at_end) == bool(slip_of_run):
             keeps, slips = (None, end) if slip_of_run else (end, None)
-            return self._told(keeps, slips, slip_at_end)
+            return self._border(keeps, slips, slip_at_end)
         keeps, slips = (end, self.run) if slip_of_run else (self.run, end)
         slip = slip_of_run or slip_at_end
         for _ in range(_halvings(keeps, slips)):
             between = _between(keeps, slips)
             found = trial(self.change(between))
             keeps, slips, slip = (keeps, between, found) if found else (between, slips, slip)
-        return self._told(keeps, slips, slip)
+        return self._border(keeps, slips, slip)
 
-    def _told(self, keeps: float | None, slips: float | None, slip: MotionSlip | None) -> Border:
+    def _border(self, keeps: float | None, slips: float | None, slip: MotionSlip | None) -> Border:
         joint, at_s = (slip.joint, slip.at_s) if slip else ("", None)
         return Border(self.quantity, self.run, keeps, slips, joint, at_s, self.safe if keeps is None else self.risky)
 
 
 def _between(one: float, other: float) -> float:
-    """Return the geometric mean, with a value at 0 taken for a small payload."""
+    """Return the geometric mean; 0 counts as a small payload."""
     return float(np.sqrt(max(one, _PAYLOAD_LEAST_KG / 16.0) * max(other, _PAYLOAD_LEAST_KG / 16.0)))
 
 
 def _halvings(one: float, other: float) -> int:
-    """Return how often a range is halved, in ratios, until its ends are RESOLUTION apart."""
+    """Return the number of bisections, in ratios, until the ends of a range are RESOLUTION apart."""
     low, high = sorted(max(value, _PAYLOAD_LEAST_KG / 16.0) for value in (one, other))
     ratio = log(high / low) / log(1.0 + RESOLUTION)
     return ceil(log(ratio, 2)) if ratio > 1.0 else 0
@@ -118,7 +118,7 @@ class MotorMargins:
 
 
 def searches_of(driving: Driving, comparison: Comparison) -> tuple[Search, ...]:
-    """Return what can be searched in a run, without what cannot change there."""
+    """Return the searches of a run; quantities that cannot change there are left out."""
     return tuple(search for search in _searches(driving, comparison) if search.safe != search.risky)
 
 
@@ -138,7 +138,7 @@ def _searches(driving: Driving, comparison: Comparison) -> Sequence[Search]:
 
 
 def stretch_of_drivers(comparison: Comparison) -> float | None:
-    """Return the shortest stretch that gives no driver more steps than it takes; None if nothing moves."""
+    """Return the shortest stretch with which no driver exceeds its step rate; None if nothing moves."""
     expected = comparison.expected
     robot, trajectory = expected.robot, expected.trajectory
     if robot is None:
@@ -156,9 +156,9 @@ def margins_of_run(
     """Search the borders of a run.
 
     Args:
-        searches: what to search, of `searches_of`.
+        searches: the searches, from `searches_of`.
         slip_of_run: the first slip of the run as it is.
-        progress: called with the part that is done: trials that end early let it jump.
+        progress: called with the fraction done; it jumps when trials end early.
     """
     trials = _Trials(sum(search.trials_max for search in searches), progress)
     borders = []
@@ -172,7 +172,7 @@ def margins_of_run(
 
 @dataclass(slots=True)
 class _Trials:
-    """The trials of a search, whose progress they report."""
+    """Trials of a search, with their progress."""
 
     total: int
     progress: Progress

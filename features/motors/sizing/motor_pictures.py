@@ -1,4 +1,4 @@
-"""The pictures of a run's motors."""
+"""Pictures of a run's motors."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -29,10 +29,10 @@ PICTURES: Final[Mapping[str, Picture]] = {
                 "steptwin.features.motors.sizing.resonance", 1.5, _TWO, above_inches=0.36, below_inches=0.6),
     )
 }  # fmt: skip
-"""Pictures of a run's motors, by the names of their files; they draw a MotorRun."""
+"""Pictures of a run's motors, by file name; they draw a MotorRun."""
 
 IN_TIME: Final = ("motor-load", "motor-torque", "motor-tool")
-"""Pictures that are drawn into the folder of a run with --motors; the other takes longer than most runs."""
+"""Pictures drawn into the folder of a run with --motors; the other takes longer than most runs."""
 
 
 def draw_motor_torque(sheet: Sheet, ran: MotorRun) -> None:
@@ -69,11 +69,11 @@ def _draw_torque_of_joint(axes: Axes, ran: MotorRun, axis: int) -> None:
 
 _PATH_INCHES: Final = 3.8
 REACHED: Final = "#d1661b"
-"""Colour of what the rotors really do: orange, of a middle grey in print."""
+"""Colour of the rotors' real path: orange, of a middle grey in print."""
 
 
 def draw_motor_tool(sheet: Sheet, ran: MotorRun) -> None:
-    """Draw the path, in the plane of the two coordinates that move most; below it the errors over time."""
+    """Draw the path in the plane of the two coordinates that move most, and below it the errors over time."""
     heights = [_PATH_INCHES, sheet.picture.row_inches, sheet.picture.row_inches]
     (path,), (distance,), (attitude,) = sheet.panels(3, heights_inches=heights, band_lines=1, share="none")
     _draw_path(path, ran)
@@ -116,7 +116,7 @@ def _draw_path(axes: Axes, ran: MotorRun) -> None:
 _WIDEST_DEG: Final = 190.0
 _TORQUE_MAX_DEG: Final = 90.0
 _LATE_PART: Final = 0.8
-"""Part of the picture behind which a label stands on the left of its line."""
+"""Fraction of the picture's width beyond which a label is on the left of its line."""
 
 
 def draw_motor_load(sheet: Sheet, ran: MotorRun) -> None:
@@ -140,7 +140,7 @@ def draw_motor_load(sheet: Sheet, ran: MotorRun) -> None:
 
 
 def _mark_slip(axes: Axes, at_s: float, end_s: float) -> None:
-    """Draw a line at a slip, and its instant where the picture has room; before t = 0 there is no line."""
+    """Mark a slip by a line and, where there is room, its time; a slip before t = 0 has no line."""
     left = at_s < _LATE_PART * end_s
     axes.axvline(at_s, color=LIMIT, linewidth=1.5)
     axes.annotate(

@@ -1,4 +1,4 @@
-"""Find where a motor resonates and draw it: the greatest load angle at steady speeds, by microstep setting."""
+"""Find and draw the resonances of a motor: the greatest load angle at steady speeds, by microstep setting."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -22,23 +22,23 @@ from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.record.plots.canvas import LIMIT, Sheet, write_inside
 
 SETTINGS: Final = (1, 2, 8, 16)
-"""Microsteps for each full step that are compared: those of a TB6560, and a run's own if they are others."""
+"""Compared microsteps for each full step: those of a TB6560; a run's own setting is added."""
 _RAMP_MS_MIN: Final = 100
-"""Least time that the motor takes to its speed, with a field that turns smoothly and excites nothing."""
+"""Least duration of the motor's run-up, with a field that turns smoothly and excites no oscillation."""
 _RAMP_TORQUE: Final = 0.3
-"""Part of the motor's torque that getting up to speed may take."""
+"""Fraction of the motor's torque that the run-up may use."""
 _SETTLING_MS: Final = 80
-"""Time at the steady speed before the swing is measured."""
+"""Time at the steady speed before the oscillation is measured."""
 _MEASURED_MS_MIN: Final = 120
 _MEASURED_FULL_STEPS: Final = 2.0
-"""Full steps for which the swing is measured at least."""
+"""Full steps for which the oscillation is measured at least."""
 _EVERY_STEPS: Final = 5
 """Steps of integration between two changes of the smooth field."""
 
 
 @dataclass(frozen=True, slots=True)
 class Electrics:
-    """What drives the motor: amplitude of the current, fraction of fast decay, supply."""
+    """Supply of the motor: current amplitude, fraction of fast decay, voltage."""
 
     current_a: float
     fast_decay: float
@@ -52,7 +52,7 @@ class ResonanceMap:
     Attributes:
         rates_hz: shape (n,), speeds in full steps a second.
         load_deg: shape (settings, n), the greatest load angle, electrical degrees.
-        slips: shape (settings, n), whether the motor loses steps there.
+        slips: shape (settings, n), True where the motor loses steps.
     """
 
     rates_hz: FloatArray
@@ -67,7 +67,7 @@ def resonance_map(
     rates_hz: FloatArray,
     settings: Sequence[int] = SETTINGS,
 ) -> ResonanceMap:
-    """Turn a motor, with a wheel of an inertia on its shaft, at each speed in each setting; nothing stops the wheel."""
+    """Turn a motor with a wheel on its shaft at each speed in each setting; no load brakes the wheel."""
     drive = replace(drive, lower_rad=-inf, upper_rad=inf)
     load_deg = np.zeros((len(settings), len(rates_hz)))
     slips = np.zeros(load_deg.shape, dtype=np.bool_)
@@ -90,14 +90,14 @@ def wheel(inertia_kgm2: float) -> Arm:
 
 
 class _Times(NamedTuple):
-    """The parts of one trial: up to speed, settling, measured."""
+    """Parts of one trial: run-up, settling, measurement."""
 
     ramp_ms: int
     measured_ms: int
 
     @classmethod
     def of(cls, drive: Drive, inertia_kgm2: float, electrics: Electrics, rate_hz: float) -> Self:
-        """Return times that are long enough for a motor with its wheel, and for a speed."""
+        """Return sufficient times for a motor with its wheel and a speed."""
         motor = drive.motor
         rad_s = 2.0 * np.pi * rate_hz / motor.full_steps_per_rev
         torque_nm = _RAMP_TORQUE * motor.torque_constant_nm_a * electrics.current_a
@@ -111,7 +111,7 @@ class _Times(NamedTuple):
 
 
 def _field(rate_hz: float, microsteps: int, electrics: Electrics, times: _Times) -> DriverEvents:
-    """Return a field that gets up to speed smoothly and then goes on in microsteps."""
+    """Return a field that turns smoothly up to its speed and goes on in microsteps."""
     ramp_s = times.ramp_ms / 1000.0
     smooth_steps = np.arange(0, round(ramp_s / DT_S), _EVERY_STEPS)
     part = smooth_steps * DT_S / ramp_s
@@ -131,19 +131,19 @@ def _field(rate_hz: float, microsteps: int, electrics: Electrics, times: _Times)
 
 
 _SCALE_INCHES: Final = 1.0
-"""Room for the scale of colours, on the right."""
+"""Width of the colour scale on the right."""
 _RATES: Final = 32
 _RANGE: Final = 60.0
 """Ratio of the highest speed to the lowest."""
 _SLOWEST_HZ: Final = 4.0
 _BEYOND: Final = 1.4
-"""Part by which the highest speed is beyond the run's and beyond full steps at the natural frequency."""
+"""Factor of the highest speed over the run's, and over full steps at the natural frequency."""
 _INSTANTS: Final = 25
 _WORST_DEG: Final = 120.0
 
 
 def draw_motor_resonance(sheet: Sheet, ran: MotorRun) -> None:
-    """Draw a panel for each joint that moves, with the inertia that is the greatest in the run."""
+    """Draw a panel for each joint that moves, with its greatest inertia in the run."""
     moving = [axis for axis in range(len(ran.verdict.joints)) if ran.torques.rpm[:, axis].any()]
     rows = sheet.panels(max(-(-len(moving) // 2), 1), band_lines=2, right_inches=_SCALE_INCHES, share="none")
     cells = [axes for row in rows for axes in row]
@@ -162,7 +162,7 @@ def draw_motor_resonance(sheet: Sheet, ran: MotorRun) -> None:
 
 
 def _greatest_inertias(ran: MotorRun) -> FloatArray:
-    """Return each axis' greatest inertia in the run, without the rotor's own."""
+    """Return each axis' greatest inertia in the run without the rotor's own."""
     instants = np.linspace(0, len(ran.paths.t_s) - 1, _INSTANTS).astype(np.int64)
     first = int(np.searchsorted(ran.trace.counts, ran.driving.start_counts))
     positions = ran.trace.positions[np.minimum(first + instants, len(ran.trace.positions) - 1)]

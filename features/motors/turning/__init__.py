@@ -1,4 +1,4 @@
-"""Turn the rotors of a robot by what its drivers did, after a run or as it goes."""
+"""Turn the rotors of a robot by its drivers' currents, during a run or after it."""
 
 import time
 from dataclasses import dataclass
@@ -21,12 +21,12 @@ class MotorRun:
     """The motors of a run.
 
     Attributes:
-        driving: what the run's drivers did.
-        trace: what the rotors did.
-        torques: what the plan needs, and what there is.
+        driving: the currents of the run's drivers, and the arm.
+        trace: motion of the rotors.
+        torques: needed and available torques.
         paths: the tool's poses.
-        verdict: all in all.
-        wall_s: time that the rotors have taken to turn.
+        verdict: the judgement.
+        wall_s: time that the computation took.
     """
 
     driving: Driving
@@ -51,15 +51,15 @@ def motors_of_run(
     trace: RotorTrace | None = None,
     progress: Progress = lambda _: None,
 ) -> MotorRun:
-    """Turn the rotors by a run's record and judge what they did.
+    """Turn the rotors by a run's record and judge them.
 
     Args:
         robot: the robot, with motors and masses.
         comparison: the run's plan and record.
-        profile: the drivers that it had; None: the robot file's.
+        profile: the run's drivers; None: those of the robot's file.
         current_a: phase current at full torque instead of the record's.
-        trace: what the rotors did if they have turned with the board; None: they turn now.
-        progress: called with the part that is done.
+        trace: motion of rotors that have turned with the board; None: turn them now.
+        progress: called with the fraction done.
 
     Raises:
         InputError: the robot's file does not describe its motors and masses, or a motor cannot have this current.
@@ -67,12 +67,12 @@ def motors_of_run(
     driving = Driving.of(robot, comparison.evidence, profile)
     if current_a is not None:
         driving = driving.at_current(current_a)
-    fastest_rotors()  # compiled once in a process: no part of what turning takes
+    fastest_rotors()  # Compilation happens once in a process; it is no part of the measured time.
     began_s = time.perf_counter()
     if trace is None:
         trace = rotors_after_run(driving, progress)
     wall_s = time.perf_counter() - began_s
     paths = ToolPaths.of(driving, comparison, trace)
     torques = torques_of_plan(driving, comparison, trace.supply_span_v[0])
-    verdict = motor_verdict(driving, torques, trace, ToolReached.of(paths))
+    verdict = motor_verdict(driving, comparison, torques, trace, ToolReached.of(paths))
     return MotorRun(driving, trace, torques, paths, verdict, wall_s)

@@ -1,4 +1,4 @@
-"""Turn a robot's motors by the record of a run, from power-up to its end: no board is emulated again."""
+"""Turn a robot's motors by the record of a run, from power-up to its end, without emulating a board."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -20,12 +20,12 @@ _CHUNK_MS: Final = 250
 
 @dataclass(frozen=True, slots=True)
 class RotorSlip:
-    """A rotor that has slipped in a run whose motors turned: its driver's count does not know it.
+    """A rotor that has slipped in a run; its driver's count does not know it.
 
     Attributes:
         name: axis.
         at_s: its first slip, in the motion's time.
-        full_steps: full steps by which it is away at the end.
+        full_steps: full steps lost at the end.
     """
 
     name: str
@@ -38,19 +38,19 @@ class RotorSlip:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RotorTrace:
-    """What the rotors did, a row for each ms.
+    """Motion of the rotors, a row for each ms.
 
     Attributes:
         counts: shape (n,), the instants.
-        positions: shape (n, axes), where the rotors really put the axes, in mm and degrees.
-        load_deg: shape (n, axes), load angle of the greatest amount in that ms, electrical degrees.
+        positions: shape (n, axes), positions of the axes by their rotors, in mm and degrees.
+        load_deg: shape (n, axes), load angle with the largest magnitude in that ms, electrical degrees.
         torque_nm: shape (n, axes), the motors' torques.
         lost_full_steps: shape (n, axes).
-        warmer_k: shape (n, axes), the windings above the surroundings.
-        first_slip_counts: of each axis, None if it has not slipped.
-        energies: where the energy of each axis has gone.
+        warmer_k: shape (n, axes), temperature of the windings above ambient.
+        first_slip_counts: of each axis; None if it has not slipped.
+        energies: energies of each axis.
         supply_span_v: lowest and highest voltage at the drivers.
-        other_payloads_kg: masses that the payload was given in the course of the run, in their order.
+        other_payloads_kg: masses of the payload that were set during the run, in order.
     """
 
     counts: Int64Array
@@ -65,7 +65,7 @@ class RotorTrace:
     other_payloads_kg: tuple[float, ...] = ()
 
     def slips(self, names: Sequence[str], start_counts: int) -> tuple[RotorSlip, ...]:
-        """Return the axes, by their names, whose rotors have slipped, with the time since a motion's start."""
+        """Return the axes with slips, with the time of the first slip since a motion's start."""
         slipped = zip(names, self.first_slip_counts, self.lost_full_steps[-1].tolist(), strict=True)
         return tuple(
             RotorSlip(name, (counts - start_counts) / COUNTS_PER_SECOND, steps)
@@ -95,7 +95,7 @@ def rotors_after_run(driving: Driving, progress: Progress = lambda _: None) -> R
 
 
 def first_slip(driving: Driving, progress: Progress = lambda _: None) -> MotionSlip | None:
-    """Turn the rotors until one slips; return that slip, None if all keep step to the end."""
+    """Turn the rotors until one slips; return that slip, None if all keep step."""
     rotors = _at_power_up(driving)
     for _ in _turned(driving, rotors, progress):
         if slip := first_of(driving, rotors.first_slips()):
@@ -120,7 +120,7 @@ def _at_power_up(driving: Driving) -> Rotors:
 
 
 def _turned(driving: Driving, rotors: Rotors, progress: Progress) -> Iterator[RotorRecord]:
-    """Turn the rotors part by part; a part ends where the payload is taken or left, to the ms."""
+    """Turn the rotors in parts; a part ends, to the ms, where the payload is taken or left."""
     total_ms = driving.total_ms
     borders_ms = np.union1d(np.arange(0, total_ms, _CHUNK_MS), -(-driving.payload.counts // COUNTS_PER_MS))
     borders_ms = np.append(borders_ms[borders_ms < total_ms], total_ms)
@@ -132,7 +132,7 @@ def _turned(driving: Driving, rotors: Rotors, progress: Progress) -> Iterator[Ro
 
 
 def rotor_trace(robot: Robot, parts: Sequence[RotorRecord], rotors: Rotors) -> RotorTrace:
-    """Return what a robot's rotors did, of the parts of their record and of the rotors at its end."""
+    """Return the trace of a robot's rotors from the parts of their record and the rotors at its end."""
     travel = np.array([joint.transmission.travel_per_rev for joint in robot.axes]) / (2.0 * pi)
 
     def column(name: str) -> FloatArray:

@@ -1,4 +1,4 @@
-"""The motors, gears and supply that a robot's file describes, as the rotors' model and boards with motors take them."""
+"""Convert motors, gears and supply of a robot's file to those of the rotors' model."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -14,13 +14,13 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.motor import FIGURES, Dynamics, JointMotor
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.machine.boards import standing_steps
+from steptwin.host.twin.machine.boards import steps_at_joints
 from steptwin.host.twin.machine.input_changes import Wires
 from steptwin.protocol.drivers import ChipSheet
 
 
 def check_described(robot: Robot) -> Dynamics:
-    """Return supply and payload; raise InputError, with the missing key, unless all motors and masses are known."""
+    """Return supply and payload; raise InputError, with the missing key, if motors or masses are missing."""
     if robot.dynamics is None:
         raise InputError("dynamics: is missing: the supply of the motors is unknown (docs/motors.md)")
     for joint in robot.joints:
@@ -41,7 +41,7 @@ def motor_of(chosen: JointMotor, full_steps_per_rev: int) -> Motor:
 
 
 def drive_of(joint: Joint, chip: ChipSheet, mounting_rad: float = 0.0) -> Drive:
-    """Return the drive of a joint that has a motor, at a driver with this chip."""
+    """Return the drive of a joint with a motor, at a driver with this chip."""
     chosen, link, transmission = joint.motor, joint.link, joint.transmission
     assert chosen is not None
     lower, upper = (link.stop_lower, link.stop_upper) if link else (None, None)
@@ -69,13 +69,13 @@ def power_supply(dynamics: Dynamics) -> PowerSupply:
 def supply_of(
     robot: Robot, chip: ChipSheet, current_a: float, fast_decay: float, volt: float | None = None
 ) -> DriveSupply:
-    """Return what drives a motor, for its pull-out torque; by default at the supply's full voltage."""
+    """Return the supply of a motor for its pull-out torque; by default at the full voltage."""
     volt = check_described(robot).supply_v if volt is None else volt
     return DriveSupply(volt, current_a, fast_decay, bridge_ohm(chip))
 
 
 def bridge_ohm(chip: ChipSheet) -> float:
-    """Return what a chip has in series with a phase: both switches of its bridge and the sense resistor."""
+    """Return a chip's resistance in series with a phase: both switches of its bridge and the sense resistor."""
     return chip.on_resistance_ohm.value + chip.sense_ohm.value
 
 
@@ -85,19 +85,19 @@ def motor_wiring(
     start_joints: Sequence[float],
     axes_per_board: Sequence[int],
 ) -> MotorWiring:
-    """Return a robot's motors and arm as the emulator has them.
+    """Return a robot's motors and arm for the rotors' model.
 
     Args:
         robot: the machine.
-        chip: of its drivers.
-        start_joints: joint positions where it stands at power-up, mm and degrees.
+        chip: chip of its drivers.
+        start_joints: joint positions at power-up, mm and degrees.
         axes_per_board: number of axes on each board.
 
     Raises:
         InputError: the robot's file does not describe its motors and masses.
     """
     dynamics = check_described(robot)
-    steps = standing_steps(robot, start_joints)
+    steps = steps_at_joints(robot, start_joints)
     held_by = dynamics.payload_held_by
     return MotorWiring(
         drives=[drive_of(joint, chip) for joint in robot.axes],

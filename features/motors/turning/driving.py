@@ -1,7 +1,6 @@
-"""What a run's record does to the motors: the drivers' currents, the arm, and when the payload hangs at it.
+"""The driving of motors by a run: the drivers' currents, the arm, and the times with the payload.
 
-It is made once of a run's evidence; every question to the motors, also with another current or a faster motion, begins
-with it.
+It is made once from a run's evidence. Trials with another current or a faster motion derive from it.
 """
 
 from collections.abc import Callable
@@ -31,17 +30,17 @@ _DECAY_PINS: Final = ("dcy1", "dcy2")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DriverRecord:
-    """What one driver did; arrays of shape (n,), from each instant on.
+    """Outputs of one driver, valid from each instant on; arrays of shape (n,).
 
-    The rotor's angle grows with the position. The field's angle in a run's evidence grows with DIR low, so here it is
-    taken the other way round, and phase B with it.
+    The rotor's angle grows with the position. The field's angle in a run's evidence grows with DIR low, so here the
+    field's angle and phase B change sign.
 
     Attributes:
         counts: the instants, sorted.
         field_rad: electrical angle of the field, counted through.
         a_amp: current to which phase A is regulated.
         b_amp: likewise of phase B.
-        on: whether the outputs are on.
+        on: True while the outputs are on.
         fast: fraction of fast decay, 0 to 1.
     """
 
@@ -54,7 +53,7 @@ class DriverRecord:
 
     @classmethod
     def of(cls, axis: AxisEvidence, setup: DriverSetup) -> Self:
-        """Return a driver's record from a run's evidence, and from how the drivers were set."""
+        """Return a driver's record from a run's evidence and from the driver's settings."""
         phases = axis.phases
         counts = np.unique(np.concatenate([phases.counts, *(axis.pins[pin].counts for pin in _DECAY_PINS)]))
         at = np.searchsorted(phases.counts, counts, side="right") - 1
@@ -69,11 +68,11 @@ class DriverRecord:
         )
 
     def scaled(self, factor: float) -> Self:
-        """Return the record with all currents in proportion."""
+        """Return the record with all currents multiplied by `factor`."""
         return replace(self, a_amp=factor * self.a_amp, b_amp=factor * self.b_amp)
 
     def stretched(self, factor: float, from_counts: int) -> Self:
-        """Return the record where everything after an instant takes `factor` times as long."""
+        """Return the record with all times after an instant multiplied by `factor`."""
         return replace(self, counts=stretched_counts(self.counts, factor, from_counts))
 
     def events(self, rotor_rad: float) -> DriverEvents:
@@ -83,43 +82,43 @@ class DriverRecord:
 
     @property
     def first_on_rad(self) -> float:
-        """Electrical angle of the field when the outputs first come on: there the rotor stands; 0 if they never do."""
+        """Electrical angle of the field, and of the rotor, when the outputs first come on; 0 if they never do."""
         return float(self.field_rad[np.argmax(self.on)]) if self.on.any() else 0.0
 
     @property
     def last_off_counts(self) -> int | None:
-        """When the outputs go off for good; None if they stay on or never come on."""
+        """Instant when the outputs go off for good; None if they stay on or never come on."""
         if not self.on.any() or self.on[-1]:
             return None
         return int(self.counts[np.flatnonzero(self.on)[-1] + 1])
 
     @property
     def phase_current_a(self) -> float:
-        """Amplitude of the currents, the largest that was set: that of motion."""
+        """Largest amplitude of the currents that was set: that of motion."""
         return float(np.hypot(self.a_amp, self.b_amp).max(initial=0.0))
 
     @property
     def fast_decay(self) -> float:
-        """Fraction of fast decay that held at most steps."""
+        """Fraction of fast decay at most steps."""
         values, numbers = np.unique(self.fast, return_counts=True)
         return float(values[np.argmax(numbers)]) if values.size else 0.0
 
 
 def stretched_counts(counts: Int64Array, factor: float, from_counts: int) -> Int64Array:
-    """Return instants; those after `from_counts` are `factor` times as far from it."""
+    """Return instants with their times after `from_counts` multiplied by `factor`."""
     later = np.maximum(counts - from_counts, 0)
     return np.asarray(np.minimum(counts, from_counts) + np.rint(later * factor).astype(np.int64), dtype=np.int64)
 
 
 def _counted_through(substeps: Int64Array, cycle: int) -> FloatArray:
-    """Return angles without jumps from the end of a cycle to its beginning."""
+    """Return continuous angles, without jumps at the end of a cycle."""
     moves = np.diff(substeps, prepend=substeps[:1])
     through = substeps[:1] + np.cumsum((moves + cycle // 2) % cycle - cycle // 2)
     return np.asarray(through, dtype=np.float64)
 
 
 def _fast_decay(axis: AxisEvidence, counts: Int64Array) -> FloatArray:
-    """Return the fraction of fast decay at instants, by the levels of DCY2 and DCY1."""
+    """Return the fraction of fast decay at instants, from the levels of DCY2 and DCY1."""
     first, second = (_level_at(axis.pins[pin], counts) for pin in _DECAY_PINS)
     percent = np.empty((2, 2))
     for value, levels in DECAY_LEVELS.items():
@@ -133,11 +132,11 @@ def _level_at(pin: LevelEdges, counts: Int64Array) -> Int64Array:
 
 
 _SETTLING_MS: Final = 100
-"""Time after the last edge for which the rotors are followed: what slips by an overshoot slips then."""
+"""Time after the last edge for which the rotors turn on; an overshoot may slip then."""
 
 
 def check_current(current_a: float, chip: ChipSheet) -> None:
-    """Raise InputError unless a chip carries this phase current."""
+    """Raise InputError if a chip cannot deliver this phase current."""
     most_a = chip.current_max_a.value
     if not 0.0 < current_a <= most_a:
         raise InputError(f"current_a={current_a:g} A is not above 0 and up to {most_a:g} A")
@@ -145,11 +144,11 @@ def check_current(current_a: float, chip: ChipSheet) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PayloadTimes:
-    """When the payload hangs at the tool.
+    """Times with the payload at the tool.
 
     Attributes:
-        counts: shape (n,), sorted instants of taking and leaving it.
-        held: shape (n + 1,), whether it hangs before the first and after each.
+        counts: shape (n,), sorted instants when it is taken or left.
+        held: shape (n + 1,), True if it hangs at the tool before the first instant and after each.
     """
 
     counts: Int64Array
@@ -157,7 +156,7 @@ class PayloadTimes:
 
     @classmethod
     def of(cls, robot: Robot, evidence: Evidence, name: str) -> Self:
-        """Return the times when an output holds the payload; without a name it always hangs."""
+        """Return the times when an output holds the payload; without a name the tool always carries it."""
         if not name:
             return cls(np.empty(0, dtype=np.int64), np.array([True]))
         output = robot.outputs[name]
@@ -165,23 +164,23 @@ class PayloadTimes:
         return cls(pin.counts, np.concatenate([[False], pin.levels.astype(np.bool_)]))
 
     def at(self, counts: Int64Array) -> BoolArray:
-        """Return whether it hangs at instants, shape (n,)."""
+        """Return whether the payload hangs at the tool at instants, shape (n,)."""
         return np.asarray(self.held[np.searchsorted(self.counts, counts, side="right")])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Driving:
-    """A run as its motors feel it.
+    """Driving of a run's motors.
 
     Attributes:
         robot: with motors, masses, payload and supply.
         chip: the drivers' chip.
-        drivers: what each axis' driver did.
+        drivers: record of each axis' driver.
         starts_rad: each rotor's angle at power-up.
-        payload: when it hangs at the tool.
+        payload: times with the payload at the tool.
         start_counts: the motion's t = 0.
         last_counts: instant of the last edge.
-        arms: without and with the payload.
+        arms: the arm without and with the payload.
     """
 
     robot: Robot
@@ -195,7 +194,7 @@ class Driving:
 
     @classmethod
     def of(cls, robot: Robot, evidence: Evidence, profile: DriverProfile | None = None) -> Self:
-        """Return a run's driving, with other drivers than the robot file's or with those.
+        """Return a run's driving with the drivers of `profile`, by default those of the robot's file.
 
         Raises:
             InputError: the robot's file does not describe its motors and masses.
@@ -228,29 +227,29 @@ class Driving:
 
     @property
     def total_ms(self) -> int:
-        """Time from power-up for which the rotors are followed."""
+        """Time from power-up for which the rotors turn."""
         return followed_ms(self.last_counts)
 
     @property
     def carries(self) -> bool:
-        """True if the payload hangs at the tool at some time."""
+        """True if the payload hangs at the tool at any time."""
         return bool(self.payload.held.any())
 
     @property
     def off_counts(self) -> int:
-        """When the first driver switches its outputs off for good; the end if none does."""
+        """Instant when the first driver goes off for good; the end if none does."""
         ends = [driver.last_off_counts for driver in self.drivers]
         return min((end for end in ends if end is not None), default=self.total_ms * COUNTS_PER_MS)
 
     def seconds(self, counts: int) -> float:
-        """Return an instant in the motion's time."""
+        """Return the motion's time of an instant."""
         return (counts - self.start_counts) / COUNTS_PER_SECOND
 
     def at_current(self, current_a: float) -> Self:
-        """Return the same with another phase current at full torque; drivers that have less keep their part of it.
+        """Return the driving at another phase current at full torque; reduced currents keep their ratio.
 
         Raises:
-            InputError: the drivers do not carry that current.
+            InputError: a driver cannot deliver that current.
         """
         check_current(current_a, self.chip)
         if self.phase_current_a == 0.0:
@@ -259,15 +258,15 @@ class Driving:
         return replace(self, drivers=tuple(driver.scaled(factor) for driver in self.drivers))
 
     def with_payload(self, payload_kg: float) -> Self:
-        """Return the same with another mass at the tool."""
+        """Return the driving with another mass at the tool."""
         robot = replace(self.robot, dynamics=replace(self.dynamics, payload_kg=payload_kg))
         return replace(self, robot=robot, arms=(self.arms[0], arm_of(robot, payload_kg)))
 
     def stretched(self, factor: float) -> Self:
-        """Return the same with a motion that takes `factor` times as long.
+        """Return the driving of a motion that takes `factor` times as long.
 
-        Every edge since t = 0 moves in proportion. That is what a stretched plan makes of the drivers, apart from the
-        quarter of a ms to which the board rounds segments and the standstill after which a driver reduces its current.
+        All times of edges since t = 0 are multiplied. A stretched plan gives the same edges but for two effects: the
+        board rounds segments to a quarter of a ms, and drivers reduce their current after a fixed standstill.
         """
         return replace(
             self,
@@ -277,7 +276,7 @@ class Driving:
         )
 
     def drives(self) -> list[Drive]:
-        """Return each axis' drive, mounted so that its rotor stands right where the field first comes on."""
+        """Return each axis' drive, mounted so that its rotor is aligned with the field when it first comes on."""
         return [
             drive_of(
                 joint,
@@ -294,9 +293,9 @@ def last_edge_counts(evidence: Evidence) -> int:
 
 
 def followed_ms(last_counts: int) -> int:
-    """Return the time from power-up for which rotors are followed whose drivers have their last edge at an instant."""
+    """Return the time from power-up for which rotors turn after a last edge at an instant."""
     return last_counts // COUNTS_PER_MS + _SETTLING_MS
 
 
 Progress = Callable[[float], None]
-"""Takes the fraction that is done."""
+"""Takes the fraction done."""

@@ -1,4 +1,4 @@
-"""A robot's arm as the bodies that its motors turn."""
+"""Build a robot's arm as bodies that its motors turn."""
 
 from collections.abc import Sequence
 from math import pi, radians
@@ -48,10 +48,10 @@ def joints_by_rotor(robot: Robot) -> FloatArray:
 def _chain(
     table: DhTable, order: Sequence[str], links: dict[str, JointLink], payload_kg: float
 ) -> tuple[tuple[Body, ...], list[str], list[int]]:
-    """Return a DH table's bodies, and for each the variable of its joint with the sign with which it counts.
+    """Return the bodies of a DH table, and the variable and sign of each body's joint.
 
-    A body's frame is where the joint's z axis is, x towards the next joint: in both conventions the frame after the
-    row's screw.
+    A body's frame has z along its joint and x towards the next joint: in both conventions the frame after the row's
+    screw.
     """
     placed: list[tuple[FloatArray, bool, str, int]] = []
     since = np.eye(4)
@@ -112,11 +112,11 @@ def _of_point(mass_kg: float, arm_m: FloatArray) -> FloatArray:
     return np.asarray(mass_kg * (arm_m @ arm_m * np.eye(3) - np.outer(arm_m, arm_m)))
 
 
-# --- joints without a tool: each stands on the base, its axis upright, or level where it slides
+# --- joints without a tool: each is on the base, with its axis upright, or level if it slides
 
 
 def _bare_axes(robot: Robot, links: dict[str, JointLink], payload_kg: float) -> Arm:
-    """Return the bodies of joints that do not carry each other; a payload lies on the first one."""
+    """Return the bodies of joints that do not carry each other; the payload is on the first one."""
     along_x = np.array([[0.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
     bodies = []
     for joint in robot.joints:
@@ -127,7 +127,7 @@ def _bare_axes(robot: Robot, links: dict[str, JointLink], payload_kg: float) -> 
     return Arm(tuple(bodies), si[:, np.newaxis] * joints_by_rotor(robot), np.zeros(len(bodies)))
 
 
-# --- the hybrid arm: a chain th1, z2, z3, th4, of which z2 and z3 follow the two sliders
+# --- the hybrid arm: a chain th1, z2, z3, th4; z2 and z3 follow the two sliders
 
 
 def _hybrid(robot: Robot, kinematics: HybridArm, links: dict[str, JointLink], payload_kg: float) -> Arm:
@@ -149,7 +149,7 @@ def _hybrid(robot: Robot, kinematics: HybridArm, links: dict[str, JointLink], pa
 
 
 def _upright(radius_mm: float) -> FloatArray:
-    """Return the frame of a slide along the waist's axis, at a radius in the direction of the arm."""
+    """Return the frame of a slide along the waist's axis, at a radius towards the arm."""
     frame = np.eye(4)
     frame[0, 3] = 1e-3 * radius_mm
     return frame

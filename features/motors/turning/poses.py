@@ -1,4 +1,4 @@
-"""A robot's arm at many poses: where its rotors are, and what of the arm they turn there."""
+"""A robot's arm at many poses, with its rotors' angles and inertias there."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,21 +16,21 @@ from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
 _POSES: Final = 64
-"""Poses where the arm is looked at, besides home."""
+"""Number of poses that are examined, besides home."""
 _PRIMES: Final = (2, 3, 5, 7, 11, 13, 17, 19)
 """Bases of Halton's sequence, one for each axis that a board may drive."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmAtPoses:
-    """The arm with its payload, at home and at other poses that the mechanism can take.
+    """The arm with its payload, at home and at other reachable poses.
 
     Attributes:
         arm: its bodies.
         joints: shape (poses, joints), in mm and degrees.
-        rad: shape (poses, axes), the rotors' angles there.
-        inertias_kgm2: shape (poses, axes, axes): what the first axis' rotor feels of the second one's acceleration,
-            without its own inertia.
+        rad: shape (poses, axes), the rotors' angles.
+        inertias_kgm2: shape (poses, axes, axes), torque at the first axis' rotor for each rad/s^2 of the second axis',
+            without the rotor's own inertia.
     """
 
     arm: Arm
@@ -46,7 +46,7 @@ class ArmAtPoses:
 
 
 def _poses(robot: Robot) -> FloatArray:
-    """Return home and other poses that the mechanism can take, shape (n, joints): Halton's sequence over the ranges."""
+    """Return home and other reachable poses, shape (n, joints): Halton's sequence over the joint ranges."""
     lower, upper = ([getattr(joint, side) for joint in robot.joints] for side in ("lower", "upper"))
     spread = np.array(lower) + halton(_POSES, len(lower)) * np.subtract(upper, lower)
     joints = np.vstack([[robot.home], spread])
@@ -57,8 +57,8 @@ def _poses(robot: Robot) -> FloatArray:
 def halton(count: int, dimensions: int) -> FloatArray:
     """Return the first points of Halton's sequence after 0, shape (count, dimensions), from 0 to below 1.
 
-    J. H. Halton, Numerische Mathematik 2 (1960): a coordinate is the point's number in a prime base, mirrored at the
-    point. scipy.stats has it, too, and takes a second to import, by which a served board would start later.
+    A coordinate is the point's number in a prime base with its digits mirrored at the point (J. H. Halton, Numerische
+    Mathematik 2, 1960). scipy.stats takes a second to import, which would delay served boards.
 
     Raises:
         ValueError: there are more dimensions than a board drives axes.
@@ -74,9 +74,9 @@ def halton(count: int, dimensions: int) -> FloatArray:
 
 
 def carried_inertias(robot: Robot, arm: Arm, joints: FloatArray) -> FloatArray:
-    """Return the inertias at each rotor, without its own, shape (poses, axes, axes).
+    """Return the load inertias at each rotor, without its own, shape (poses, axes, axes).
 
-    The torque at the rotor of the first axis for an acceleration of that of the second, while the others stand.
+    An element is the torque at the first axis' rotor for each rad/s^2 of the second axis', with the other axes still.
     """
     rad, count = rotors_of(robot, joints), len(robot.axes)
     still = np.zeros_like(rad)
@@ -87,10 +87,10 @@ def carried_inertias(robot: Robot, arm: Arm, joints: FloatArray) -> FloatArray:
 
 
 def rotors_of(robot: Robot, joints: FloatArray | Sequence[float]) -> FloatArray:
-    """Return the rotors' angles in rad, or their rates, of the joints' in mm and degrees, shape (..., joints)."""
+    """Convert joint positions in mm and degrees, or their rates, to rotor angles in rad; shape (..., joints)."""
     return np.asarray(robot.coupling.to_axes(np.asarray(joints)) * rad_per_unit(robot))
 
 
 def rad_per_unit(robot: Robot) -> FloatArray:
-    """Return the rotors' angles in rad for a mm or a degree of their axes, shape (axes,)."""
+    """Return the rotors' angles in rad for each mm or degree of their axes, shape (axes,)."""
     return 2.0 * pi / np.array([joint.transmission.travel_per_rev for joint in robot.axes])

@@ -1,8 +1,8 @@
-"""How hard each joint may accelerate: what its motor manages, and what the others hold against.
+"""Highest acceleration of each joint that all motors can follow.
 
-A ramp begins at once, so that each rotor swings twice as far as the ramp's torque takes it: what is needed before, and
-twice what the ramp adds, must be within the pull-out torque. In a homing that accelerates harder a motor slips, and the
-board does not know it.
+A ramp begins at once, so each rotor overshoots by the ramp's own deflection. The torque before the ramp plus twice the
+torque of the ramp must be within the pull-out torque. In a homing that accelerates harder a motor slips, and the board
+does not know it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -29,20 +29,20 @@ from steptwin.host.twin.machine.drivers import DriverSetup, driver_profile, driv
 from steptwin.protocol.drivers import DriverProfile
 
 ALMOST_NONE: Final = 1e-6
-"""Part of the highest speed where friction already opposes, but nothing else depends on speed."""
+"""Fraction of the highest speed with full friction, but without any other effect of speed."""
 _CLOSE: Final = 1e-3
-"""Precision of an acceleration that motors manage, relative to it, and the least one in the joint's unit."""
+"""Relative precision of an acceleration limit, and the least acceleration in the joint's unit."""
 
 
 @dataclass(frozen=True, slots=True)
 class JointRamp:
-    """How hard a joint's axis accelerates by the robot's file, and how hard the motors let it; mm/s^2 or deg/s^2.
+    """Acceleration of a joint's axis in the robot's file, and its limits by motors; mm/s^2 or deg/s^2.
 
     Attributes:
-        asked: by the file.
-        by_motor: the highest that the motor of each joint, by its name, manages at every pose, while the other axes
-            stand: the axis' own turns what it must, those of the others hold against it. 0 if there is none, infinite
-            for a motor that does not feel it.
+        asked: acceleration in the file.
+        by_motor: highest acceleration, by joint name, that the joint's motor can follow at every pose while the other
+            axes are still. The axis' own motor accelerates, the others hold. 0 if no acceleration is possible, infinite
+            for a motor without any load by it.
     """
 
     asked: float
@@ -50,21 +50,21 @@ class JointRamp:
 
     @property
     def managed(self) -> float:
-        """The highest that all motors manage."""
+        """The highest acceleration that all motors can follow."""
         return min(self.by_motor.values())
 
     @property
     def weakest(self) -> str:
-        """The joint whose motor manages no more."""
+        """The joint with the lowest limit."""
         return min(self.by_motor, key=lambda name: self.by_motor[name])
 
     @property
     def too_steep(self) -> bool:
-        """True if the file asks for more than the motors manage."""
+        """True if the file's acceleration exceeds the limit."""
         return self.asked > self.managed
 
     def lowered_to(self, part: float) -> float:
-        """Return the file's acceleration, at most a part of the one that all motors manage."""
+        """Return the file's acceleration, at most a fraction of the limit."""
         return min(self.asked, part * self.managed)
 
     def to_dict(self) -> dict[str, Any]:
@@ -77,8 +77,8 @@ class JointRamps:
     """The accelerations of a joint's axis.
 
     Attributes:
-        moving: its acceleration_max, at up to its highest speed.
-        homing: the acceleration of its homing, at up to its search speed; None without a homing that moves.
+        moving: acceleration_max of the motion, up to the highest speed.
+        homing: acceleration of the homing, up to its search speed; None without a homing that moves.
     """
 
     moving: JointRamp
@@ -87,14 +87,14 @@ class JointRamps:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ramps:
-    """What finds the accelerations that a robot's motors manage.
+    """Calculates the acceleration limits of a robot by its motors.
 
     Attributes:
         robot: the robot.
-        at: its arm at many poses.
-        drives: of each axis.
-        curves: the pull-out torque of each axis' motor while it turns.
-        holding_nm: and while it stands.
+        at: the arm at many poses.
+        drives: drive of each axis.
+        curves: pull-out torque of each axis' motor while it turns.
+        holding_nm: torque of each axis' motor at standstill.
     """
 
     robot: Robot
@@ -107,7 +107,7 @@ class Ramps:
     def of(
         cls, robot: Robot, at: ArmAtPoses, curves: Curves, settings: DriverSetup, currents_a: Sequence[float]
     ) -> Self:
-        """Return what finds the ramps of a robot whose drivers are set like this, with a phase current of each axis."""
+        """Return the ramps of a robot from its drivers' settings and the phase current of each axis."""
         drives = tuple(drive_of(joint, settings.chip) for joint in robot.axes)
         driven = [(drive.motor, current_a) for drive, current_a in zip(drives, currents_a, strict=True)]
         part = settings.standing_part
@@ -130,12 +130,12 @@ class Ramps:
         )
 
     def _homing(self, axis: int, element: float, search_speed: float, acceleration: float) -> JointRamp:
-        """Return the ramp of a homing, of the joint: a coupled axis moves faster by the coupling's element."""
+        """Return the ramp of a joint's homing; a coupled axis is faster by the coupling's element."""
         of_axis = self._managed(axis, element * search_speed)
         return JointRamp(acceleration, {name: managed / element for name, managed in of_axis.items()})
 
     def _managed(self, axis: int, speed: float) -> dict[str, float]:
-        """Return the highest acceleration at speeds of an axis up to `speed` that each motor manages."""
+        """Return each motor's highest acceleration of an axis at speeds up to `speed`."""
         drive, scale = self.drives[axis], float(rad_per_unit(self.robot)[axis])
         most, loads = 2.0 * drive.most_nm / drive.motor.rotor_inertia_kgm2, self._loads(axis, speed)
         return {
@@ -144,7 +144,7 @@ class Ramps:
         }
 
     def _loads(self, axis: int, speed: float) -> list["_Load"]:
-        """Return what a ramp of an axis asks of each motor; both motors of a joint turn at once."""
+        """Return the load of each motor by a ramp of an axis; both motors of a joint turn together."""
         coupling = self.robot.coupling
         turning = list(coupling.motors_of(coupling.joint_of(axis)))
         speeds = float(rad_per_unit(self.robot)[axis]) * speed * np.array([ALMOST_NONE, -ALMOST_NONE, 1.0, -1.0])
@@ -169,15 +169,15 @@ class Ramps:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Load:
-    """What a ramp of an axis asks of a motor at poses and speeds; arrays of shape (n,).
+    """Load of a motor by a ramp of an axis, at poses and speeds; arrays of shape (n,).
 
     Attributes:
         drive: the motor with its gear.
-        steady_nm: torque that its gear carries without the ramp.
-        inertia_kgm2: torque that is added for each rad/s^2.
-        rad_s: its own speed; 0 for a motor that stands.
-        own: its own acceleration for each rad/s^2: 1 or 0.
-        available_nm: its pull-out torque.
+        steady_nm: torque of the gear's load without the ramp.
+        inertia_kgm2: torque added for each rad/s^2.
+        rad_s: speed of the motor; 0 for a holding motor.
+        own: 1 for the accelerating motor, 0 for a holding one.
+        available_nm: pull-out torque of the motor.
     """
 
     drive: Drive
@@ -188,7 +188,7 @@ class _Load:
     available_nm: FloatArray | float
 
     def within(self, rad_s2: float) -> bool:
-        """Return whether the motor manages a ramp, upwards and downwards."""
+        """Return whether the motor can follow a ramp in both directions."""
         return all(self._within(each) for each in (rad_s2, -rad_s2))
 
     def _within(self, rad_s2: float) -> bool:
@@ -199,7 +199,7 @@ class _Load:
 
 
 def _highest(manages: Callable[[float], bool], high: float, least: float) -> float:
-    """Return the highest value below `high` that is managed, by bisection; 0 if it is below `least`."""
+    """Return the highest value below `high` for which `manages` is True, by bisection; 0 if it is below `least`."""
     low = 0.0
     while high - low > _CLOSE * high and high > least:
         middle = (low + high) / 2.0
@@ -208,7 +208,7 @@ def _highest(manages: Callable[[float], bool], high: float, least: float) -> flo
 
 
 def ramps_of(robot: Robot, drivers: DriverProfile | None = None) -> tuple[JointRamps, ...]:
-    """Return the accelerations of all joints, with the robot's own drivers, or with others as they usually are set.
+    """Return the acceleration limits of all joints, with the robot's own drivers or others at their usual settings.
 
     Raises:
         InputError: the robot's file does not describe its motors and masses.
@@ -223,16 +223,16 @@ def ramps_of(robot: Robot, drivers: DriverProfile | None = None) -> tuple[JointR
 
 @lru_cache(maxsize=256)
 def with_managed_ramps(robot: Robot, drivers: DriverProfile | None = None) -> Robot:
-    """Return a robot whose accelerations, in moves, stops and homings, its motors manage; none becomes higher.
+    """Return a robot with accelerations, in moves, stops and homings, that its motors can follow; none becomes higher.
 
-    Its motors are at its own drivers, or at others as they usually are set.
+    Its motors are at its own drivers, or at others at their usual settings.
 
-    Of what the motors manage of a joint while the others stand, all joints that ask something of a motor get the same
-    part: the greatest that leaves it MARGIN_MIN of its torque when all ramp at once, as in a stop or in homings side by
-    side.
+    The limit of a joint holds while the others are still. In a stop, or in homings side by side, all joints ramp at
+    once. So all joints that load a motor get the same fraction of their limits: the largest that leaves the motor
+    MARGIN_MIN of its torque.
 
     Raises:
-        InputError: its file does not describe its motors and masses, or a motor is too weak without any acceleration.
+        InputError: the file does not describe motors and masses, or a motor is too weak without any acceleration.
     """
     ramps = dict(zip(robot.joint_names, ramps_of(robot, drivers), strict=True))
     moving = _at_once({name: each.moving for name, each in ramps.items()})
@@ -246,7 +246,7 @@ def with_managed_ramps(robot: Robot, drivers: DriverProfile | None = None) -> Ro
 
 
 def _at_once(ramps: Mapping[str, JointRamp]) -> dict[str, float]:
-    """Return the accelerations, by joint, that all may have at once."""
+    """Return the accelerations, by joint, with which all joints may ramp at once."""
     for name, ramp in ramps.items():
         if ramp.managed == 0.0:
             weak = f"{ramp.weakest}'s motor is too weak for {name}'s highest speed"
@@ -260,17 +260,17 @@ def _at_once(ramps: Mapping[str, JointRamp]) -> dict[str, float]:
 
 
 def _part_for(motor: str, ramps: Mapping[str, JointRamp]) -> float:
-    """Return the part of what the motors manage of each joint at which this motor manages all of them at once."""
+    """Return the fraction of the limits at which this motor can follow the ramps of all joints at once."""
 
     def beyond(part: float) -> float:
-        """Return what the joints ask of it, as a part of what it manages, beyond what it should."""
+        """Return the motor's total load, relative to its capacity, minus the allowed load."""
         return sum(ramp.lowered_to(part) / ramp.by_motor[motor] for ramp in ramps.values()) - (1.0 - MARGIN_MIN)
 
     return 1.0 if beyond(1.0) <= 0.0 else float(brentq(beyond, 0.0, 1.0))
 
 
 def _gentler(joint: Joint, element: float, acceleration: float, homing_acceleration: float | None) -> Joint:
-    """Return a joint with an acceleration of its axis, and with one of its homing, which moves the axis so, too.
+    """Return a joint with another acceleration of its axis, and of its homing.
 
     A joint alone moves its axis by `element`.
     """
@@ -284,7 +284,7 @@ def _gentler(joint: Joint, element: float, acceleration: float, homing_accelerat
 
 
 def steep_homings(robot: Robot, profile: DriverProfile) -> list[str]:
-    """Return a line for each homing of a robot that is too steep, with its drivers or others as they usually are set.
+    """Return a line for each homing of a robot that is too steep, with its own drivers or others at usual settings.
 
     Raises:
         InputError: the robot's file does not describe its motors and masses.
@@ -297,7 +297,7 @@ def steep_homings(robot: Robot, profile: DriverProfile) -> list[str]:
 
 
 def steep_homing(joint: str, unit: str, ramp: JointRamp) -> str:
-    """Return what happens in a homing that is too steep, and what the motors manage; `unit` is mm or deg."""
+    """Return a line about a homing that is too steep, with the motors' limit; `unit` is mm or deg."""
     what = "homing stalls" if ramp.weakest == joint else f"homing turns {ramp.weakest} out of step"
     return (
         f"{joint}: {what} at {ramp.asked:g} {unit}/s2 where the arm is hardest to turn: its motors manage"

@@ -1,4 +1,4 @@
-"""The torque that a plan needs of each motor, and what the motor has at that speed."""
+"""Torques that a plan needs of each motor, beside the motor's torque at that speed."""
 
 from dataclasses import dataclass
 from math import pi
@@ -17,36 +17,36 @@ from steptwin.host.verify import Comparison
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _CURVE_SPEEDS: Final = 32
-"""Speeds where a pull-out curve is computed."""
+"""Number of speeds of a pull-out curve."""
 _FASTER: Final = 1.5
-"""Part by which a curve goes beyond the motion's highest speed."""
+"""Factor of a curve's highest speed over the motion's."""
 _SLOW_RPM: Final = 60.0
-"""Speed to which a curve goes at least."""
+"""Least highest speed of a curve."""
 _EVERY_S: Final = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PullOutCurve:
-    """A motor's pull-out torque over its speed; arrays of shape (n,), speeds in turns a minute, from 0."""
+    """Pull-out torque of a motor over its speed; arrays of shape (n,), speeds in turns a minute, from 0."""
 
     rpm: FloatArray
     torque_nm: FloatArray
 
     def at(self, rpm: FloatArray) -> FloatArray:
-        """Return the torque at speeds, of any shape and sign."""
+        """Return the torque at speeds of any shape and sign."""
         return np.interp(np.abs(rpm), self.rpm, self.torque_nm)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Torques:
-    """What a plan needs, each ms; arrays of shape (n, axes).
+    """Torques that a plan needs, each ms; arrays of shape (n, axes).
 
     Attributes:
         t_s: shape (n,), from the start of the motion.
         rpm: speeds, with sign.
         needed_nm: torques at the rotors, with sign.
         available_nm: pull-out torques at those speeds.
-        curves: of each axis.
+        curves: pull-out curve of each axis.
     """
 
     t_s: FloatArray
@@ -63,7 +63,7 @@ class Torques:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Needs:
-    """What a plan needs of each motor, each ms; arrays of shape (n, axes), but `t_s` of shape (n,)."""
+    """Speeds and torques that a plan needs of each motor, each ms; arrays of shape (n, axes), `t_s` of shape (n,)."""
 
     t_s: FloatArray
     rpm: FloatArray
@@ -74,7 +74,7 @@ def torques_of_plan(driving: Driving, comparison: Comparison, supply_v: float | 
     """Return the torques of a plan.
 
     Args:
-        driving: the run's drivers, whose currents and decay the pull-out torques take.
+        driving: driving of the run; its currents and decay determine the pull-out torques.
         comparison: the run's plan.
         supply_v: voltage for the pull-out torques, by default the supply's without load.
     """
@@ -85,7 +85,7 @@ def torques_of_plan(driving: Driving, comparison: Comparison, supply_v: float | 
 
 
 def needs_of_plan(driving: Driving, comparison: Comparison) -> Needs:
-    """Return what a plan needs, with the payload while it hangs at the tool."""
+    """Return the needs of a plan, with the payload while it hangs at the tool."""
     robot, trajectory = driving.robot, comparison.expected.trajectory
     t_s = np.arange(0.0, trajectory.duration_s + _EVERY_S / 2, _EVERY_S).clip(max=trajectory.duration_s)
     rad_per_unit = 2.0 * pi / np.array([joint.transmission.travel_per_rev for joint in robot.axes])
@@ -102,7 +102,7 @@ def needs_of_plan(driving: Driving, comparison: Comparison) -> Needs:
 
 
 def curves_of(driving: Driving, rpm_max: FloatArray, supply_v: float | None = None) -> tuple[PullOutCurve, ...]:
-    """Return each axis' pull-out curve to beyond its highest speed; like motors with like drivers share theirs."""
+    """Return each axis' pull-out curve to beyond its highest speed; like motors on like drivers share one."""
     kinds = []
     for joint, record in zip(driving.robot.axes, driving.drivers, strict=True):
         supply = supply_of(driving.robot, driving.chip, record.phase_current_a, record.fast_decay, supply_v)
@@ -128,7 +128,7 @@ class Curves:
         self._known: dict[tuple[Motor, float], PullOutCurve] = {}
 
     def of(self, motor: Motor, current_a: float) -> PullOutCurve:
-        """Return the curve of a motor at an amplitude of the phase current."""
+        """Return the curve of a motor at a current amplitude."""
         if (motor, current_a) not in self._known:
             supply = supply_of(self._robot, self._setup.chip, current_a, self._setup.fast_decay_part)
             self._known[motor, current_a] = PullOutCurve(self._rpm, pull_out_nm(motor, supply, self._rpm))

@@ -1,8 +1,9 @@
-"""What a run asks of its motors: load angles, torques against what there is, slips, heat, the pose really reached.
+"""Verdict on a run's motors: load angles, torques needed and available, slips, heat, and the pose by the rotors.
 
-The pose that the rotors really reach stands beside the planned one and the one that the drivers have counted.
+The pose by the rotors is compared with the planned one and with the one that the drivers counted.
 """
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Final, Self
 
@@ -24,11 +25,11 @@ class ToolPaths:
     """Poses each ms from the start of the motion until the drivers go off.
 
     Attributes:
-        task: task of the tool, which says what their columns are.
+        task: task of the tool, which defines the columns.
         t_s: shape (n,), from the start of the motion.
         planned: shape (n, task.width).
-        counted: shape (n, task.width), where the drivers' steps put the tool.
-        reached: shape (n, task.width), where the rotors put it.
+        counted: shape (n, task.width), the tool by the drivers' steps.
+        reached: shape (n, task.width), the tool by the rotors.
     """
 
     task: Task
@@ -40,7 +41,7 @@ class ToolPaths:
 
     @classmethod
     def of(cls, driving: Driving, comparison: Comparison, trace: RotorTrace) -> Self:
-        """Return the paths of a run; with the errors of the arm's links if the robot's file states some."""
+        """Return the paths of a run; link errors of the robot's file are included."""
         expected = comparison.expected
         first = min(int(np.searchsorted(trace.counts, driving.start_counts)), len(trace.counts) - 1)
         shown = slice(first, max(int(np.searchsorted(trace.counts, driving.off_counts)), first + 1))
@@ -59,14 +60,14 @@ class ToolPaths:
 
 @dataclass(frozen=True, slots=True)
 class ToolReached:
-    """How far the tool really is from where the drivers have counted it.
+    """Distance of the tool by its rotors from the tool by the drivers' counts.
 
     Attributes:
         position_mm_max: largest distance.
-        position_max_at_s: when, from the start of the motion.
+        position_max_at_s: time of the largest distance, from the start of the motion.
         attitude_deg_max: largest angle.
-        position_mm_end: just before the drivers go off.
-        attitude_deg_end: likewise, with its sign.
+        position_mm_end: distance just before the drivers go off.
+        attitude_deg_end: angle just before the drivers go off, with sign.
     """
 
     position_mm_max: float
@@ -77,7 +78,7 @@ class ToolReached:
 
     @classmethod
     def of(cls, paths: ToolPaths) -> Self:
-        """Return the distances of a run; a mechanism that cannot be where the rotors are counts up to there."""
+        """Return the distances of a run, up to the first impossible pose of the mechanism by its rotors."""
         apart = paths.reached - paths.counted
         possible = np.isfinite(apart).all(axis=1)
         distances_mm = np.linalg.norm(apart[possible, :3], axis=1)
@@ -93,31 +94,31 @@ class ToolReached:
 
 
 MARGIN_MIN: Final = 0.30
-"""Torque that should be left: what builders keep in hand for what a model does not know."""
+"""Least torque margin: the usual reserve for effects that a model leaves out."""
 
 AMBIENT_CELSIUS: Final = 25.0
 WINDING_MAX_CELSIUS: Final = 130.0
-"""Limit of insulation class B, that of the catalogue's motors (IEC 60085)."""
+"""Limit of insulation class B, which the catalogue's motors have (IEC 60085)."""
 
 
 @dataclass(frozen=True, slots=True)
 class JointLoad:
-    """What one joint's motor had to do.
+    """Load of one joint's motor.
 
     Attributes:
         name: the joint.
         motor: the motor's name.
         load_angle_deg: greatest load angle, electrical degrees; beyond 90 a motor holds no more.
-        load_angle_at_s: when, from the start of the motion; before it the machine is enabled.
-        torque_needed_nm: where the margin is least.
+        load_angle_at_s: its time from the start of the motion; negative while the machine is enabled.
+        torque_needed_nm: needed torque where the margin is least.
         torque_available_nm: pull-out torque at that speed.
         margin: 1 - needed / available, the least over the motion.
-        margin_at_s: when.
+        margin_at_s: time of the least margin.
         margin_rpm: the motor's speed then.
-        first_slip_s: None without a slip.
-        lost_full_steps: at the end, with sign.
-        winding_celsius: at the end, from 25 degC at the beginning.
-        winding_celsius_steady: if the run is repeated without a break until the temperature rises no more.
+        first_slip_s: time of the first slip; None without one.
+        lost_full_steps: full steps lost at the end, with sign.
+        winding_celsius: temperature at the end; 25 degC at the beginning.
+        winding_celsius_steady: final temperature if the run is repeated without a break.
     """
 
     name: str
@@ -135,20 +136,58 @@ class JointLoad:
     winding_celsius_steady: float
 
 
+_BEFORE_S: Final = 0.05
+"""Time before a slip in which its cause is looked for: some periods of a rotor that swings."""
+
+
+@dataclass(frozen=True, slots=True)
+class FirstSlip:
+    """The first slip of a run, with the torques just before it.
+
+    Attributes:
+        name: the joint.
+        at_s: its time from the start of the motion.
+        place: planned positions of all joints then, by joint.
+        torque_needed_nm: needed torque where the margin was least, at most 50 ms before.
+        torque_available_nm: pull-out torque there.
+        rpm: the motor's speed there.
+    """
+
+    name: str
+    at_s: float
+    place: Mapping[str, float]
+    torque_needed_nm: float
+    torque_available_nm: float
+    rpm: float
+
+    def __str__(self) -> str:
+        if self.at_s < 0.0:
+            load = f"against a load of {self.torque_needed_nm:.3f} Nm"
+            return f"{self.name} slips first, {-self.at_s:.3f} s before the motion, while the drivers switch on, {load}"
+        place = ", ".join(f"{name} {position:.3f}" for name, position in self.place.items())
+        needs, has = f"{self.torque_needed_nm:.3f} Nm", f"{self.torque_available_nm:.3f} Nm"
+        if self.torque_needed_nm > self.torque_available_nm:
+            why = f"the motion needs {needs} at {self.rpm:.0f} turns a minute, and the motor has {has}"
+        else:
+            why = f"its rotor swings: the motion alone needs only {needs} of {has}"
+        return f"{self.name} slips first, at {self.at_s:.3f} s and {place}, because {why}"
+
+
 @dataclass(frozen=True, slots=True)
 class MotorVerdict:
-    """Whether the motors keep step, and with how much torque to spare.
+    """Verdict on a run's motors: slips, torque margins and heat.
 
     Attributes:
         payload_kg: mass at the tool, by the robot's file.
-        supply_v: of the drivers without load.
-        supply_v_min: lowest under load.
-        supply_v_max: highest, while motors brake.
-        tool: how far the tool really is from where the drivers have counted it.
-        joints: in the robot's order.
-        chip: of the drivers.
-        other_payloads_kg: masses that the payload was given in the course of the run: the rotors felt them, but what
-            the plan needs of the motors is told for `payload_kg`.
+        supply_v: voltage of the drivers without load.
+        supply_v_min: lowest voltage under load.
+        supply_v_max: highest voltage, while motors brake.
+        tool: distance of the tool by its rotors from the tool by the drivers' counts.
+        joints: loads in the robot's order.
+        chip: chip of the drivers.
+        other_payloads_kg: masses of the payload that were set during the run. The rotors felt them, but needed torques
+            are computed for `payload_kg`.
+        first_slip: the first slip of all joints; None without one.
     """
 
     payload_kg: float
@@ -159,6 +198,24 @@ class MotorVerdict:
     joints: tuple[JointLoad, ...]
     chip: ChipSheet
     other_payloads_kg: tuple[float, ...] = ()
+    first_slip: FirstSlip | None = None
+
+    @property
+    def answer(self) -> str:
+        """Whether the machine loses steps, in one sentence."""
+        if self.first_slip is not None:
+            lost = [f"{abs(joint.lost_full_steps):g} full steps of {joint.name}" for joint in self._slipped]
+            return f"LOSES STEPS, in the end {', '.join(lost)}: {self.first_slip}"
+        least = min(self.joints, key=lambda joint: joint.margin)
+        when = f"at {least.margin_at_s:.3f} s and {least.margin_rpm:.0f} turns a minute"
+        if least.margin < 0.0:
+            needed = f"{100 * (1 - least.margin):.0f} % of its torque"
+            return f"keeps step: {least.name} needs {needed} {when}, but not for long"
+        return f"keeps step, with {100 * least.margin:.0f} % of {least.name}'s torque left {when}"
+
+    @property
+    def _slipped(self) -> list[JointLoad]:
+        return [joint for joint in self.joints if joint.first_slip_s is not None]
 
     @property
     def kept_step(self) -> bool:
@@ -176,7 +233,7 @@ class MotorVerdict:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """One line for each joint with less torque to spare than MARGIN_MIN, for hot windings and for the supply."""
+        """One line for each joint with a margin below MARGIN_MIN, for hot windings and for the supply."""
         kept = [joint for joint in self.joints if joint.first_slip_s is None]
         return (
             *(_shortage(joint) for joint in kept if joint.margin < MARGIN_MIN),
@@ -203,6 +260,8 @@ class MotorVerdict:
             "supply_v_min": self.supply_v_min,
             "supply_v_max": self.supply_v_max,
             "kept_step": self.kept_step,
+            "answer": self.answer,
+            **({"first_slip": asdict(self.first_slip)} if self.first_slip is not None else {}),
             "assumed": ["masses"],
             "tool": asdict(self.tool),
             "joints": [asdict(joint) for joint in self.joints],
@@ -224,12 +283,42 @@ def _heat(joint: JointLoad) -> str:
     )
 
 
-def motor_verdict(driving: Driving, torques: Torques, trace: RotorTrace, tool: ToolReached) -> MotorVerdict:
-    """Judge a run by what its rotors did, and by the torques that its plan needs."""
+def motor_verdict(
+    driving: Driving, comparison: Comparison, torques: Torques, trace: RotorTrace, tool: ToolReached
+) -> MotorVerdict:
+    """Judge a run by its rotors, and by the torques that its plan needs."""
     dynamics = driving.dynamics
     loads = tuple(_joint_load(driving, torques, trace, axis) for axis in range(len(driving.robot.axes)))
     return MotorVerdict(
-        dynamics.payload_kg, dynamics.supply_v, *trace.supply_span_v, tool, loads, driving.chip, trace.other_payloads_kg
+        dynamics.payload_kg,
+        dynamics.supply_v,
+        *trace.supply_span_v,
+        tool,
+        loads,
+        driving.chip,
+        trace.other_payloads_kg,
+        _first_slip(driving, comparison, torques, trace),
+    )
+
+
+def _first_slip(driving: Driving, comparison: Comparison, torques: Torques, trace: RotorTrace) -> FirstSlip | None:
+    slips = [(counts, axis) for axis, counts in enumerate(trace.first_slip_counts) if counts is not None]
+    if not slips:
+        return None
+    counts, axis = min(slips)
+    at_s = driving.seconds(counts)
+    trajectory = comparison.expected.trajectory
+    in_motion_s = min(max(at_s, 0.0), trajectory.duration_s)
+    first, last = np.searchsorted(torques.t_s, (in_motion_s - _BEFORE_S, in_motion_s), side="left").tolist()
+    worst = first + int(np.argmin(torques.margins[first : last + 1, axis]))
+    positions = trajectory.positions(np.array([in_motion_s]))[0].tolist()
+    return FirstSlip(
+        name=driving.robot.axis_names[axis],
+        at_s=at_s,
+        place=dict(zip(trajectory.joint_names, positions, strict=True)),
+        torque_needed_nm=float(abs(torques.needed_nm[worst, axis])),
+        torque_available_nm=float(torques.available_nm[worst, axis]),
+        rpm=float(abs(torques.rpm[worst, axis])),
     )
 
 
@@ -258,7 +347,7 @@ def _joint_load(driving: Driving, torques: Torques, trace: RotorTrace, axis: int
 
 
 def _steady_k(driving: Driving, trace: RotorTrace, axis: int) -> float:
-    """Return the rise of the windings' temperature by the mean of their losses."""
+    """Return the rise of the windings' temperature at the mean of their losses."""
     drive = driving.drives()[axis]
     in_winding = drive.motor.resistance_ohm / (drive.motor.resistance_ohm + drive.bridge_ohm)
     seconds = len(trace.counts) / 1000.0

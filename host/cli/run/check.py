@@ -1,4 +1,4 @@
-"""`steptwin check FILE`: say everything that is wrong in a file of your own, or what it amounts to."""
+"""`steptwin check FILE`: print all errors in a file of your own, or its content."""
 
 from collections.abc import Sequence
 from dataclasses import MISSING
@@ -113,7 +113,7 @@ def check_program(path: str, text: str, robot_name: str | None, findings: Findin
 
 
 def _robot(program: "Program", name: str | None, findings: Findings) -> "Robot | None":
-    """Return the robot with a name, by default the program's own; None, with a finding, if it is unknown or wrong."""
+    """Return the robot with a name, by default the program's own; None, with an error in `findings`, if invalid."""
     from steptwin.host.planning.programs import load_own_robot
     from steptwin.host.robots import load_robot
 
@@ -123,7 +123,7 @@ def _robot(program: "Program", name: str | None, findings: Findings) -> "Robot |
 
 
 def _advice(robot: "Robot", compiled: "CompiledProgram", findings: Findings) -> tuple[str, ...]:
-    """Plan the whole program; return which stretch makes it slow enough, if it is too fast."""
+    """Plan the whole program; return the stretch that makes it slow enough, if it is too fast."""
     from steptwin.host.planning.checks import TooFastError
     from steptwin.host.planning.planner import plan
 
@@ -138,7 +138,7 @@ def _advice(robot: "Robot", compiled: "CompiledProgram", findings: Findings) -> 
 
 
 def _print_steps(steps: "Sequence[StepRow]") -> None:
-    """Print a row for each step; the column of passes only if a step is made several times."""
+    """Print a row for each step; the column of passes only if a step is repeated."""
     word = next((row.place.pass_word for row in steps if row.place.passes), "pass")
     passes: Columns = {word: lambda row: row.place.pass_text or "-"}
     texts: Columns = {
@@ -175,7 +175,7 @@ def _step_document(row: "StepRow") -> dict[str, Any]:
 
 
 def _highest(row: "StepRow") -> "tuple[Peak | None, Peak | None]":
-    """Return the peaks of speed and acceleration that are nearest to their limits; None in a step without motion."""
+    """Return the peaks of speed and acceleration nearest to their limits; None in a step without motion."""
     from steptwin.host.planning.peaks import Quantity
 
     speeds = [peak for peak in row.peaks if peak.quantity in (Quantity.SPEED, Quantity.AXIS_SPEED)]

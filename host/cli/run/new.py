@@ -2,17 +2,15 @@
 
 import json
 import re
-import sys
 from collections.abc import Sequence
 from dataclasses import MISSING, dataclass
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Any, Protocol
 
-import typer
-
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AnswerOptions, Replace, keep_files
+from steptwin.host.cli.asking import ask, on_terminal
 from steptwin.host.cli.options import argument, given_options, of_features, option
 from steptwin.host.cli.output import print_table, say
 from steptwin.host.common.bad_input import prefixed, unknown
@@ -21,32 +19,30 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.whole_file import write_whole
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from steptwin.host.robots.new_file import NewRobot
     from steptwin.host.robots.robot import Dimension
 
 
 class RobotSource(Protocol):
-    """A feature's options of `steptwin new`: what makes a robot of another kind of file."""
+    """A feature's options of `steptwin new` for robots from other files."""
 
     def robot(self, name: str, kind: str | None, given: dict[str, str], original: str | None) -> "NewRobot | None":
-        """Return the robot of the file that the options name, or that --from names (`original`); None without one.
+        """Return the robot of the named file, or of --from (`original`); None without one.
 
         Raises:
-            InputError: the options do not go together, or something is wrong in the file.
+            InputError: the options exclude each other, or the file is invalid.
         """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class SourceOptions:
-    """What features make robots of."""
+    """Sources of robots by features."""
 
     sources: Sequence[RobotSource] = of_features("new_options")
 
     def robot(self, name: str, kind: str | None, given: dict[str, str], original: str | None) -> "NewRobot | None":
-        """Return the robot of the file that is named; None without one."""
+        """Return the robot of the named file; None without one."""
         made = [source.robot(name, kind, given, original) for source in self.sources]
         return next((robot for robot in made if robot is not None), None)
 
@@ -98,11 +94,13 @@ def new(
     All kinds: driver_profile, the drivers, such as a4988 (docs/driver.md).
 
     A joint's values: JOINT.lower, JOINT.upper, JOINT.travel_per_turn (mm) or JOINT.ratio, JOINT.microsteps (8; 1/8 is
-    taken for 8), JOINT.home, JOINT.motor (its model, such as 17HS19-2004S1).
+    taken for 8), JOINT.home, JOINT.motor (its model, such as 17HS19-2004S1), JOINT.mass_kg (what it moves).
+
+    With a motor, a mass or supply_v the file has all that `run --motors` needs; what is not given is marked ASSUMED.
     """
     from steptwin.host.robots import SUFFIX
     from steptwin.host.robots.kinematics.kinds import kinds
-    from steptwin.host.robots.new_file import robot_text, with_settings
+    from steptwin.host.robots.new_file import new_motors, robot_text, with_settings
 
     path = Path(file)
     if path.suffix != SUFFIX:
@@ -132,12 +130,14 @@ def new(
         for key, text in given.items()
         if key.endswith(".microsteps") and text.startswith("1/")
     ]
+    motors = new_motors(geometry, joints)
+    notes += [f"fill in: {each}" for each in motors.assumptions({joint.name: joint.unit for joint in joints})]
     document = {"kind": kind, "dimensions": geometry, "joints": [joint.name for joint in joints]}
     _tell(answer, file, document | ({"notes": notes} if notes else {}))
 
 
 def _copy(answer: AnswerOptions, path: Path, original: str, foreign: list[str]) -> None:
-    """Write the file of a robot that StepTwin brings under another name; raise InputError for an unknown robot."""
+    """Write a copy of one of StepTwin's robots under another name; raise InputError for an unknown robot."""
     from steptwin.host.robots import brought_text, read_robot
 
     if foreign:
@@ -152,7 +152,7 @@ def _copy(answer: AnswerOptions, path: Path, original: str, foreign: list[str]) 
 
 
 def _tell(answer: AnswerOptions, file: str, document: dict[str, Any]) -> None:
-    """Print what has been written."""
+    """Print a summary of the written file."""
     answer.tell(
         {"file": file, **document},
         f"{file}: a robot of the kind {document['kind']} with the joints {' '.join(document['joints'])}",
@@ -164,7 +164,7 @@ def _tell(answer: AnswerOptions, file: str, document: dict[str, Any]) -> None:
 def _asked_kind() -> str:
     from steptwin.host.robots.kinematics.kinds import kinds
 
-    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+    if not on_terminal():
         raise InputError(f"--kind is missing: {', '.join(kinds())}")
     print_table(["kind", "what it is"], [[name, kind.summary] for name, kind in kinds().items()], text_columns=2)
 
@@ -172,11 +172,11 @@ def _asked_kind() -> str:
         if name not in kinds():
             raise unknown("kind", name, kinds())
 
-    return _answer("kind", next(iter(kinds())), check)
+    return ask("kind", next(iter(kinds())), check)
 
 
 def _asked(name: str, kind: str, given: dict[str, str]) -> dict[str, str]:
-    """Ask for every dimension and every value of a joint that is not given, until they make a robot."""
+    """Ask for missing dimensions and joint values until they make a robot."""
     from steptwin.host.robots.new_file import robot_text, with_settings
 
     usual: dict[str, str] = {}
@@ -194,34 +194,22 @@ def _asked(name: str, kind: str, given: dict[str, str]) -> dict[str, str]:
 def _asked_once(kind: str, given: dict[str, str], usual: dict[str, str]) -> dict[str, str]:
     from steptwin.host.robots.new_file import questions_of, with_settings
 
-    def ask(key: str, what: str, value: "Dimension") -> None:
+    def asked(key: str, what: str, value: "Dimension") -> None:
         def check(text: str) -> None:
             with_settings(kind, answers | {key: text})
 
         if key not in answers:
-            answers[key] = _answer(f"{key}, {what}", usual.get(key, _text(value)), check)
+            answers[key] = ask(f"{key}, {what}", usual.get(key, _text(value)), check)
 
     answers = {key: text for key, text in given.items() if "." not in key or key in questions_of(kind, given)}
     while missing := [key for key in questions_of(kind, answers) if key not in answers]:
         what, value = questions_of(kind, answers)[missing[0]]
-        ask(missing[0], what, value)
+        asked(missing[0], what, value)
     answers |= given
     for joint in with_settings(kind, answers)[1]:
         for key, (what, value) in joint.questions.items():
-            ask(f"{joint.name}.{key}", f"{joint.what}: {what}", value)
+            asked(f"{joint.name}.{key}", f"{joint.what}: {what}", value)
     return answers
-
-
-def _answer(question: str, usual: str, check: "Callable[[str], None]") -> str:
-    """Ask until the answer passes the check; an empty answer is the usual one."""
-    while True:
-        text = str(typer.prompt(question, default=usual)).strip()
-        try:
-            check(text)
-        except InputError as error:
-            say(str(error))
-        else:
-            return text
 
 
 def _text(value: "Dimension") -> str:

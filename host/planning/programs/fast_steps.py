@@ -1,4 +1,4 @@
-"""Find the steps of a program that are too fast, and the values of their own keys that pass."""
+"""Find the steps of a program that are too fast, and passing values of their own keys."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -34,14 +34,14 @@ _PER_DECADE: Final = 9 * 10 ** (_DIGITS - 1)
 
 @dataclass(frozen=True, slots=True)
 class _Key:
-    """A key of a pace: its values that a message may offer, numbered by their slowness.
+    """A key of a pace, and its possible values in messages, numbered by slowness.
 
     Attributes:
         name: name of the key.
         slower: 1 if a larger value is slower, -1 if a smaller one is.
-        reach: factor up to which the value is changed. Beyond it the step's numbers are in a wrong unit.
+        reach: largest factor on the value. Beyond it the step's numbers have a wrong unit.
         in_ms: True for a duration in whole milliseconds; other values have three significant digits.
-        of_ramps: True for a key that makes nothing but the accelerations smaller.
+        of_ramps: True for a key that only reduces accelerations.
     """
 
     name: str
@@ -59,11 +59,11 @@ class _Key:
         return float(f"{mantissa + _PER_DECADE // 9}e{exponent}")
 
     def at_least_as_fast(self, value: float) -> int:
-        """Return the number of the slowest value that is not slower than one given."""
+        """Return the number of the slowest value that is not slower than a given one."""
         return self.slower * self._size(value, ROUND_FLOOR if self.slower > 0 else ROUND_CEILING)
 
     def at_least_as_slow(self, value: float) -> int:
-        """Return the number of the fastest value that is not faster than one given."""
+        """Return the number of the fastest value that is not faster than a given one."""
         return self.slower * self._size(value, ROUND_CEILING if self.slower > 0 else ROUND_FLOOR)
 
     def made_slower(self, value: float, factor: float) -> float:
@@ -94,7 +94,7 @@ _KEYS: Final = {
 def passing_values(step: Step, names: Iterable[str], error: TooFastError, checks: Iterable[Check]) -> list[str]:
     """Return the values that pass, such as `speed_mm_s = 42.1`, each by itself; none if no value passes.
 
-    Each is the nearest one to the step's own, in three digits or whole milliseconds, that is slow enough.
+    Each is the passing value nearest to the step's own, in three digits or whole milliseconds.
 
     Args:
         step: the step, which is too fast.
@@ -133,8 +133,8 @@ def _passing_value(step: Step, key: _Key, least_stretch: float, checks: tuple[Ch
     return key.value(number)
 
 
-class _Look(NamedTuple):
-    """How fast a step's motion is; `refused` is the error of one that PVT records cannot hold."""
+class _Examination(NamedTuple):
+    """Speed of a step's motion; `refused` is the error if PVT records cannot hold it."""
 
     peaks: tuple[Peak, ...]
     refused: TooFastError | None
@@ -148,9 +148,9 @@ class MadeStep:
         robot: the robot.
         place: the place.
         step: the step.
-        before: moves that begin where the step begins.
-        from_ms: time of the program when it begins.
-        part: its motion; None without any.
+        before: moves with the step's start.
+        from_ms: time in the program when it begins.
+        part: its motion; None without one.
     """
 
     robot: Robot
@@ -162,12 +162,12 @@ class MadeStep:
 
     @property
     def peaks(self) -> tuple[Peak, ...]:
-        """The peaks of each joint; none without motion, or if PVT records cannot hold it."""
+        """Peaks of each joint; empty without motion, or if PVT records cannot hold it."""
         return self._look.peaks
 
     @cached_property
     def positions(self) -> checks.SampleCheck:
-        """What its positions are, for `check_joint`."""
+        """Its positions, for `check_joint`."""
         if self.part is None:
             return checks.SampleCheck(self.robot, np.zeros(0))
         check = checks.SampleCheck(self.robot, checks.knots_ms(self.part) + self.from_ms)
@@ -176,15 +176,15 @@ class MadeStep:
         return check
 
     @cached_property
-    def _look(self) -> _Look:
-        """Look at the motion, once, when something is asked about it: a run asks the planner instead."""
+    def _look(self) -> _Examination:
+        """Examine the motion once, on first use: a run leaves that to the planner."""
         if self.part is None:
-            return _Look((), None)
+            return _Examination((), None)
         windows = shifted(sampled(self.part), self.from_ms / 1000)
         try:
-            return _Look(step_peaks(self.robot, self.part, self.from_ms, windows), None)
+            return _Examination(step_peaks(self.robot, self.part, self.from_ms, windows), None)
         except TooFastError as error:
-            return _Look((), error)
+            return _Examination((), error)
 
     def check_speed(self) -> None:
         """Raise TooFastError if the step is too fast."""
@@ -200,20 +200,20 @@ class MadeStep:
 
     @property
     def situation(self) -> tuple[tuple[float, ...], int]:
-        """Place and time of its beginning, as far as that decides whether it is too fast."""
+        """Place and time of its beginning; equal ones are equally fast."""
         return tuple(self.before.composer.joints.tolist()), self.from_ms % DEFAULT_POINT_MS
 
 
 @dataclass(frozen=True, slots=True)
 class _FastStep:
-    """A step that is too fast at a place."""
+    """A step at a place where it is too fast."""
 
     made: MadeStep
     error: checks.TooFastError
 
 
 def fast_steps(made: Iterable[MadeStep]) -> Iterator[str]:
-    """Yield a message for each step that is too fast, with the values that pass wherever it is made."""
+    """Yield a message for each step that is too fast, with values that pass at all of its places."""
     wrong: dict[int, list[_FastStep]] = {}
     judged = Counter[str]()
     for step in made:

@@ -1,7 +1,7 @@
-"""Check what the steps of a program name: positions, joints, branches, outputs, inputs and sequences.
+"""Check the names in a program's steps: positions, joints, branches, outputs, inputs and sequences.
 
-Every step is looked at once, also those of sequences that nobody calls, and none is made for it: a step after a wrong
-one, or a program whose robot is wrong, is judged as well.
+Every step is checked once, even in unused sequences, without being made. So steps after an invalid one, or of a program
+with an invalid robot, are checked, too.
 """
 
 from collections.abc import Iterable, Mapping
@@ -22,21 +22,21 @@ from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
 CALLS_DEEP_MAX: Final = 50
-"""Number of sequences that may call one another in a row."""
+"""Deepest nesting of sequence calls."""
 
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """Names that the steps of a program may use; without a robot nothing is said about what is the robot's.
+    """Names that the steps of a program may use; without a robot, names of the robot are not checked.
 
-    Every method raises InputError for a name that is unknown, UnreadError for one whose definition is wrong.
+    Every method raises InputError for an unknown name, UnreadError for one with an invalid definition.
     """
 
     program: Program
     robot: Robot | None
 
     def target(self, target: Target) -> None:
-        """Check a position, one beside another, or the name of one."""
+        """Check a position, an offset from one, or the name of one."""
         if isinstance(target, Beside):
             if target.cell:
                 self.pallet(target.cell)
@@ -96,7 +96,7 @@ class Names:
 
 
 def check_names(program: Program, robot: Robot | None, findings: Findings) -> Program:
-    """Return the program with a WrongStep for each step that names something unknown; these are the findings."""
+    """Return the program with a WrongStep for each step with an unknown name; these are the findings."""
     return _Checking(program, robot, findings).checked()
 
 
@@ -109,7 +109,7 @@ class _Checking:
         self._names = Names(self._program, robot)
         self._sequences: dict[str, tuple[AnyStep, ...]] = {}
         self._depths: dict[str, int] = {}
-        """Number of sequences that call one another in a row from each one on."""
+        """Depth of calls below each sequence."""
 
     def checked(self) -> Program:
         program = self._program
@@ -145,7 +145,7 @@ class _Checking:
         return False
 
     def _visit(self, name: str, callers: tuple[str, ...]) -> None:
-        """Check the steps of a sequence, unless that has been done."""
+        """Check the steps of a sequence once."""
         if name not in self._sequences:
             self._depths[name] = 1
             steps = self._program.sequences[name] or ()
@@ -188,7 +188,7 @@ class _Checking:
         return WrongStep(moves=True)
 
     def _can_call(self, name: str, callers: tuple[str, ...]) -> bool:
-        """Return whether a sequence has steps, and check them; raise InputError for one that cannot be called here."""
+        """Check a sequence and return whether it has steps; raise InputError if it cannot be called here."""
         sequences = self._program.sequences
         if name not in sequences:
             if self._program.has_all_names:

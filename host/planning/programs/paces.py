@@ -1,4 +1,4 @@
-"""The pace of a program's step, of the joints or the tool: its time law."""
+"""Pace of a program's step, of the joints or the tool: its time law."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -18,22 +18,22 @@ from steptwin.host.planning.motions.whole import Pace
 from steptwin.host.robots.robot import Robot
 
 SPEED_PERCENT: Final = 80.0
-"""Usual part of the joints' limits of speed and acceleration that a joint move uses."""
+"""Default percentage of the joints' limits of speed and acceleration in a joint move."""
 
 RAMP_S: Final = 0.3
-"""Usual time that the tool takes to its speed."""
+"""Default time for the tool's ramp to its speed."""
 
 TURN_SPEED_DEG_S: Final = 90.0
-"""Usual highest speed at which a tool turns in space."""
+"""Default highest speed of a tool's rotation in space."""
 
 _WHOLE: Final = "a motion that is timed as a whole has none of a step's own"
 
 _RAMPS_IN_DURATION: Final = 3
-"""A trapezoid or S-curve of a given duration ramps up for a third of it, and down for another third."""
+"""A trapezoid or S-curve of a given duration accelerates for a third of it, and decelerates for another third."""
 
 
 class LawName(StrEnum):
-    """The kind of a joint move's time law."""
+    """Kind of a joint move's time law."""
 
     S_CURVE = "s-curve"
     TRAPEZOID = "trapezoid"
@@ -44,16 +44,16 @@ class LawName(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class OnTheWay:
-    """A change of an output while the tool is on its path.
+    """A change of an output while the tool moves on its path.
 
     Attributes:
         output: name of the output in the robot file.
         on: its new level.
-        at_mm: place on the path: behind its start, or below 0 before its end.
-        ahead_s: time by which it changes before the tool is there, for a device that takes so long.
+        at_mm: place on the path: after its start, or if negative before its end.
+        ahead_s: lead time of the change, for a slow device.
 
     Raises:
-        InputError: the time is below 0.
+        InputError: the time is negative.
     """
 
     output: str
@@ -84,7 +84,7 @@ class OnTheWay:
         return {**own, "additionalProperties": {"type": "boolean"}}
 
     def place_mm(self, length_mm: float) -> float:
-        """Return the place from the start of a path of such a length; raise InputError for one beyond it."""
+        """Return the place from the start of a path of this length; raise InputError for one beyond it."""
         if not abs(self.at_mm) <= length_mm:
             raise InputError(
                 f"outputs.{self.output}: at_mm: {self.at_mm:g} mm is beyond the path, which is {length_mm:.6g} mm long"
@@ -120,7 +120,7 @@ class MotionPace(FileTable):
 
     @property
     def is_whole(self) -> bool:
-        """True if the motion is timed as a whole: by the fastest law, or since it flows on."""
+        """True if the motion is timed as a whole: by the fastest law, or by blending."""
         return self.law is LawName.FASTEST or self.blend_mm is not None
 
 
@@ -149,7 +149,7 @@ class JointPace(MotionPace):
             raise InputError(f"duration_s: {self.duration_s:g} s is not at least 0.001 s")
 
     def limits(self) -> Pace:
-        """Return what limits a motion that is timed as a whole; raise InputError for keys that it cannot have."""
+        """Return the limits of a motion that is timed as a whole; raise InputError for keys that it cannot have."""
         if self.duration_s is not None:
             raise InputError(f"duration_s: {_WHOLE}; leave it out, or let the step before stop")
         if self.law not in (LawName.FASTEST, LawName.S_CURVE):
@@ -158,11 +158,11 @@ class JointPace(MotionPace):
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """The keys by which it becomes slower."""
+        """Keys that make it slower."""
         return ("speed_percent",) if self.duration_s is None else ("duration_s",)
 
     def along(self, robot: Robot, way: FloatArray) -> Law:
-        """Return the law with a distance of 1 for a way of shape (joints,), in mm and degrees."""
+        """Return the law, with a distance of 1, for a travel of shape (joints,), in mm and degrees."""
         if self.duration_s is not None:
             return self._lasting(self.duration_s)
         speed, acceleration = (limit * self.speed_percent / 100 for limit in limits_along(robot, way))
@@ -216,29 +216,29 @@ class ToolPace(MotionPace):
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """The keys by which it becomes slower; the last one only for a tool that turns in space."""
+        """Keys that make it slower; the last one only for a tool that turns in space."""
         return ("speed_mm_s", "ramp_s", "speed_deg_s")
 
     def limits(self) -> Pace:
-        """Return what limits a motion that is timed as a whole; raise InputError for keys that it cannot have."""
+        """Return the limits of a motion that is timed as a whole; raise InputError for keys that it cannot have."""
         if self.ramp_s != RAMP_S:
             raise InputError(f"ramp_s: {_WHOLE}: it speeds up as fast as the joints' limits allow; leave it out")
         return Pace(100.0, self.speed_mm_s, self.speed_deg_s)
 
     def along(self, length_mm: float, turn_deg: float = 0.0) -> Law:
-        """Return the law for a path's length, on which the tool turns in space by an angle."""
+        """Return the law for a path's length with a rotation of the tool in space."""
         return SCurve.at_speed(length_mm, self._speed_mm_s(length_mm, turn_deg), self.ramp_s)
 
     def turning(self, turn_deg: float) -> Law:
-        """Return the law for a turn in space on the spot."""
+        """Return the law for a rotation in space on the spot."""
         return SCurve.at_speed(turn_deg, self.speed_deg_s, self.ramp_s)
 
     def share(self, length_mm: float, turn_deg: float = 0.0) -> Law:
-        """Return the law for a path's length that covers a distance of 1 instead, for a move of the joints."""
+        """Return the law of `along` scaled to a distance of 1, for a move of the joints."""
         return SCurve.at_speed(1.0, self._speed_mm_s(length_mm, turn_deg) / length_mm, self.ramp_s)
 
     def _speed_mm_s(self, length_mm: float, turn_deg: float) -> float:
-        """Return the speed along a path that keeps both limits."""
+        """Return the speed along a path within both limits."""
         if not turn_deg:
             return self.speed_mm_s
         return min(self.speed_mm_s, self.speed_deg_s * length_mm / turn_deg)

@@ -1,4 +1,4 @@
-"""Pallets: grids of positions of the tool, in a frame, whose cells a program visits one after the other."""
+"""Pallets: grids of tool positions in a frame; a program visits their cells in order."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -27,24 +27,24 @@ from steptwin.host.robots.poses import DIRECTION, PLACE, Orientation
 from steptwin.host.robots.poses.rotations import of_rotation_vector, product, turned
 
 CELLS_MAX: Final = 5_000
-"""Number of cells of a pallet: as many as a program may have steps."""
+"""Largest number of cells of a pallet, that of a program's steps."""
 PROGRAM_CELLS_MAX: Final = 4 * CELLS_MAX
-"""Cells of all pallets of a program, of which its steps visit at most a quarter."""
+"""Largest number of cells of a program's pallets; its steps visit at most a quarter."""
 
 Cells = Mapping[str, int]
-"""The number of the present cell, from 0 on, of each pallet whose cells are visited."""
+"""Number of the present cell, from 0 on, of each pallet in use."""
 
 _DIRECTIONS: Final = ("along", "across", "up")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WorkFrame:
-    """A frame in the station, in which positions turn and move along.
+    """A frame in the station, in which positions rotate and move along.
 
     Attributes:
         place: shape (3,), its origin in mm.
         rotation: shape (4,), its rotation as a unit quaternion x y z w.
-        phi_deg: its turn about the vertical, where it does nothing but turn so; None if it tilts.
+        phi_deg: its rotation about the vertical; None if it tilts.
     """
 
     place: FloatArray
@@ -69,11 +69,11 @@ class WorkFrame:
         return cls(place, of_rotation_vector(np.array([0.0, 0.0, phi_deg])), phi_deg)
 
     def turned(self, way_mm: FloatArray) -> FloatArray:
-        """Return ways of shape (..., 3) along the frame's axes as ways in the station."""
+        """Convert vectors of shape (..., 3) from the frame's axes to the station's."""
         return turned(way_mm, self.rotation)
 
     def placed(self, position: ToolPosition) -> ToolPosition:
-        """Return a position in the frame as one in the station; raise InputError if it leaves out what that takes."""
+        """Convert a position from the frame to the station; raise InputError if it lacks the necessary coordinates."""
         own = dict(position.coordinates)
         needed = [name for name in PLACE if name not in own and (name != "z" or self.phi_deg is None)]
         if needed:
@@ -123,7 +123,7 @@ class Pallet:
     Attributes:
         cells: position of each cell in the station, in the order of a program's visits.
         labels: number of each cell along, across and up, from 1 on, such as `2,1,1`.
-        frame: frame where it stands; offsets from its cells are along the frame's axes.
+        frame: frame of the pallet; offsets from its cells are along the frame's axes.
     """
 
     cells: tuple[ToolPosition, ...]
@@ -270,7 +270,7 @@ def _add(coordinates: Mapping[str, float], step: Mapping[str, float], number: fl
 
 
 def cell_numbers(text: str, pallet: str, count: int) -> range:
-    """Return the numbers, from 0 on, of `3..7` or `5` among a pallet's cells; raise InputError for others."""
+    """Return the numbers, from 0 on, of `3..7` or `5` among a pallet's cells; raise InputError for other texts."""
     ends = [end.strip() for end in text.split("..")]
     with prefixed("cells: "):
         first, last = digits_in(ends[0]), digits_in(ends[-1])

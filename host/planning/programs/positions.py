@@ -1,7 +1,7 @@
-"""Positions in a program: of joints or of the tool, written down where they are needed or under a name.
+"""Positions in a program: of joints or of the tool, inline or named.
 
-Entries are added and taken away line by line, so that comments, order and layout of the others stay. The new text is
-read again before it is written: an entry that does not stand in one line of its own is refused.
+Entries are inserted and deleted line by line, which keeps comments, order and layout of the others. The new text is
+read before it is written: an entry that is not on one line of its own is refused.
 """
 
 import json
@@ -29,18 +29,18 @@ from steptwin.host.robots.robot import Robot
 
 @dataclass(frozen=True, slots=True)
 class JointPosition:
-    """Positions of some joints, by name, in mm and degrees; the others stay where they are."""
+    """Positions of some joints, by name, in mm and degrees; the others do not move."""
 
     joints: Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True)
 class ToolPosition:
-    """A pose of the tool, where some coordinates may be left out: these stay as they are.
+    """A pose of the tool; missing coordinates stay as they are.
 
     Attributes:
         coordinates: x, y and z in mm and phi in degrees, by name; of a relative move also rx, ry and rz in degrees.
-        branch: branch of the inverse kinematics; None for the one on which the arm is.
+        branch: branch of the inverse kinematics; None for the present one.
         orientation: orientation of a tool that turns in space; None if it stays.
     """
 
@@ -50,7 +50,7 @@ class ToolPosition:
 
     @property
     def words(self) -> str:
-        """The numbers in words."""
+        """The numbers as text."""
         numbers = [f"{name} {value:g}" for name, value in self.coordinates.items()]
         return ", ".join([*numbers, str(self.orientation)] if self.orientation else numbers)
 
@@ -78,7 +78,7 @@ class Beside(FileTable):
 
 
 Target = Position | Beside | str
-"""A position, one beside another, or the name of one."""
+"""A position, an offset from one, or the name of one."""
 
 
 def read_target(value: object, reading: FileReading) -> Target:
@@ -159,7 +159,7 @@ class PositionsFile(FileTable):
 
 
 _NAME: Final = re.compile(rf"[A-Za-z0-9_-]{{1,{NAME_CHARS_MAX}}}")
-"""A name that needs no quotes, as a bare key of TOML."""
+"""A name without quotes, as a bare key of TOML."""
 _HEADER: Final = re.compile(r"\s*\[\s*positions\s*\]\s*(#.*)?")
 
 
@@ -169,13 +169,13 @@ def default_file(robot: Robot) -> str:
 
 
 def read_positions(path: str, robot: Robot) -> dict[str, Position]:
-    """Return the positions in a file, by name; raise InputError, with the file, unless it is right and the robot's."""
+    """Read the positions in a file, by name; raise InputError, with the file, if it is invalid or another robot's."""
     with prefixed(f"{path}: "):
         return _parse(read_text(path, PROGRAM_BYTES_MAX), robot)
 
 
 def find_position(positions: Mapping[str, Position], name: str, path: str) -> Position:
-    """Return a position by its name; raise InputError, with the nearest names, if there is none."""
+    """Return a position by name; raise InputError, with the nearest names, if it does not exist."""
     if name not in positions:
         with prefixed(f"{path}: "):
             raise unknown("position", name, positions)
@@ -183,7 +183,7 @@ def find_position(positions: Mapping[str, Position], name: str, path: str) -> Po
 
 
 def check_saving(path: str, robot: Robot, name: str, *, replace: bool) -> None:
-    """Raise InputError unless a position may be saved under a name: a new one, or with `replace` any."""
+    """Raise InputError if a position may not be saved under a name: a new one, or with `replace` any."""
     if not _NAME.fullmatch(name):
         raise InputError(
             f"{shortened(name)!r} is not a position's name: up to {NAME_CHARS_MAX} letters, digits, - and _"
@@ -194,9 +194,9 @@ def check_saving(path: str, robot: Robot, name: str, *, replace: bool) -> None:
 
 
 def save_position(path: str, robot: Robot, name: str, joints: list[float], comment: str, *, replace: bool) -> None:
-    """Save a position of all joints under a name, with a comment of one line; make the file if there is none.
+    """Save a position of all joints under a name, with a comment of one line; create a missing file.
 
-    The numbers have as few decimals as give the same wire units. Raises InputError as `check_saving` and OSError.
+    The numbers have the fewest decimals with the same wire units. Raises InputError as `check_saving` and OSError.
     """
     check_saving(path, robot, name, replace=replace)
     numbers = ", ".join(
@@ -245,12 +245,12 @@ def _key(name: str) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Return a printable text as a string of TOML, which escapes as JSON does."""
+    """Return a printable text as a TOML string; TOML escapes as JSON does."""
     return json.dumps(text, ensure_ascii=False)
 
 
 def _shortest(joint: Joint, position: float) -> str:
-    """Return a position with as few decimals, at least one, as give the same wire units of the joint itself."""
+    """Return a position with the fewest decimals, at least one, with the same wire units of the joint."""
     units = joint.transmission.to_units(position)
     texts = (f"{position + 0.0:.{decimals}f}" for decimals in count(1))
     return next(text for text in texts if joint.transmission.to_units(float(text)) == units)
@@ -260,7 +260,7 @@ def _shortest(joint: Joint, position: float) -> str:
 
 
 def _with_entry(text: str, name: str, entry: str) -> str:
-    """Return the text with an entry in place of one of the same name, else at the end of [positions]."""
+    """Return the text with an entry in place of one with its name, or at the end of [positions]."""
     lines = text.splitlines(keepends=True)
     at = _line_of(lines, name)
     if at is not None:
@@ -283,7 +283,7 @@ def _section(lines: list[str]) -> tuple[int, int]:
 
 
 def _line_of(lines: list[str], name: str) -> int | None:
-    """Return the line of [positions] that holds a whole entry of this name; None if there is none."""
+    """Return the line of [positions] with a whole entry of this name; None if there is none."""
     begin, end = _section(lines)
     return next((i for i in range(begin + 1, end) if _keys_of(lines[i]) == [name]), None)
 
@@ -296,7 +296,7 @@ def _keys_of(line: str) -> list[str]:
 
 
 def _write(path: str, robot: Robot, name: str, text: str, wanted: Mapping[str, Position]) -> None:
-    """Write a new text, whole, if it holds the wanted positions."""
+    """Write a new text whole, if it has the wanted positions."""
     with prefixed(f"{path}: "):
         try:
             right = _parse(text, robot) == wanted

@@ -1,4 +1,4 @@
-"""A program: named positions, named sequences of steps, the steps themselves, and the robot that it names."""
+"""A program: named positions, named sequences of steps, the steps, and its robot."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ from steptwin.host.robots import SUFFIX, load_robot, load_robot_file, robot_name
 from steptwin.host.robots.robot import Robot
 
 STEPS_MAX: Final = 5_000
-"""Number of steps, with repetitions and calls written out, that a program may have."""
+"""Largest number of a program's steps, with repetitions and calls expanded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ class Call(StepTable):
 
 @dataclass(frozen=True, slots=True)
 class WrongStep:
-    """A step about which there is a finding already; it keeps its number for the others.
+    """A step with an error; it keeps its number.
 
     Attributes:
         moves: True if the position of the robot is unknown after it.
@@ -107,18 +107,18 @@ class Program:
 
     Attributes:
         title: one line that says what it does; may be empty.
-        robot: name of the robot for which it was written, or path of its file; None if it does not say.
-        start: position where it begins; None for the robot's home position.
-        positions: positions by name, with those of the file that it names; None for one that is wrong.
-        positions_for: name of the robot for which the file's positions were saved; None if there is none.
+        robot: name of its robot, or path of the robot's file; None if it is missing.
+        start: start position; None for the robot's home position.
+        positions: positions by name, with those of the named file; None for an invalid one.
+        positions_for: name of the robot of the positions' file; None without one.
         sequences: sequences of steps by name, for `call`.
         steps: the steps.
-        pallets: pallets by name; None for one that is wrong.
-        limits: what its fastest steps keep to besides the joints' limits; None: nothing.
-        expects: what features are to find at the end, by their keys of the file.
-        folder: folder from which the paths in it count.
-        starts: False if the position where it begins is wrong.
-        has_all_names: False if positions or sequences are missing because they could not be read.
+        pallets: pallets by name; None for an invalid one.
+        limits: limits of its fastest steps besides the joints'; None: none.
+        expects: what features expect at the end, by their keys of the file.
+        folder: folder where its relative paths begin.
+        starts: False if the start position is invalid.
+        has_all_names: False if positions or sequences are missing because they are invalid.
     """
 
     title: str
@@ -140,9 +140,8 @@ class Place(NamedTuple):
     """The place of a step in its program.
 
     Attributes:
-        number: number of the step, behind those of the repetitions and calls it is in, as in `3.2`.
-        passes: the pass of each of these repetitions, from 1 on, or the cell of a pallet; those that are made once do
-            not count.
+        number: number of the step, after those of its repetitions and calls, as in `3.2`.
+        passes: pass of each repetition, from 1 on, or cell of a pallet; repetitions with one pass do not count.
     """
 
     number: str
@@ -153,17 +152,17 @@ class Place(NamedTuple):
 
     @property
     def pass_word(self) -> str:
-        """What a pass is called."""
+        """Word for a pass."""
         return "cell" if any(isinstance(each, str) for each in self.passes) else "pass"
 
     @property
     def pass_text(self) -> str:
-        """The passes as a text, such as `2` or, for a repetition in a repetition, `2.1`; `2,1,1` for a cell."""
+        """The passes as text, such as `2` or, for a repetition in a repetition, `2.1`; `2,1,1` for a cell."""
         return ".".join(map(str, self.passes))
 
 
 class Written(NamedTuple):
-    """A step that is made at a place of the program, at cells of pallets."""
+    """A step at a place of the program, at cells of pallets."""
 
     place: Place
     step: Step | WrongStep
@@ -171,7 +170,7 @@ class Written(NamedTuple):
 
 
 def written_out(program: Program) -> Iterator[Written]:
-    """Yield the steps of a program whose names have been checked, so that no sequence calls itself."""
+    """Yield the steps of a program with checked names, so no sequence calls itself."""
     return _written(program, program.steps, Place(""), {})
 
 
@@ -200,7 +199,7 @@ def _written(program: Program, steps: tuple[AnyStep, ...], above: Place, cells: 
 def visited(program: Program, each: Each) -> range:
     """Return the numbers of the cells that `each` visits; raise InputError for cells or pallets that do not fit.
 
-    The pallets must be there.
+    The pallets must exist.
     """
     counts = {name: len(pallet.cells) for name in each.each if (pallet := program.pallets[name])}
     if len(set(counts.values())) > 1:
@@ -211,7 +210,7 @@ def visited(program: Program, each: Each) -> range:
 
 
 def load_own_robot(program: Program) -> Robot:
-    """Return the robot that a program names; raise InputError if it names none, or one that is unknown or wrong."""
+    """Return a program's robot; raise InputError if it names none, or an unknown or invalid one."""
     if program.robot is None:
         raise InputError("robot: is missing: name it in the file, or behind it")
     if program.robot.endswith(SUFFIX):
@@ -225,7 +224,7 @@ def load_own_robot(program: Program) -> Robot:
 
 
 def check_own_robot(program: Program, robot: Robot) -> None:
-    """Raise InputError unless a program and its file of positions are for a robot, or say nothing of it."""
+    """Raise InputError if a program or its file of positions is for another robot."""
     given = program.robot
     if given is not None and given != robot.name:
         if not given.endswith(SUFFIX):

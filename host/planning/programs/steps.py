@@ -73,7 +73,7 @@ class Step(StepTable, ABC):
         """Add the step to the moves; raise InputError if the robot cannot make it."""
 
     def end(self, moves: Moves) -> FloatArray | None:
-        """Return the joints after the step, of shape (joints,), as far as they are known without making it.
+        """Return the joints after the step, of shape (joints,), if known without making it.
 
         Raises InputError if the robot cannot be there.
         """

@@ -6,7 +6,9 @@ from pathlib import Path
 import pytest
 
 from steptwin.host.cli.app import run
-from tests.end_to_end.command_line import refusal
+from steptwin.host.robots import load_robot_file
+from tests.end_to_end.command_line import PROGRAM, refusal
+from tests.end_to_end.terminal import Terminal
 from tests.features.makers.test_configurations import INPUTS
 
 
@@ -35,6 +37,20 @@ def test_what_the_user_says_goes_before_the_file(tmp_path: Path) -> None:
     assert 'model = "17HS19-2004S1"' in text
 
 
+def test_a_motor_brings_all_that_motors_need(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mine, printer = tmp_path / "mine.toml", str(INPUTS / "klipper" / "bed-slinger.cfg")
+    assert run(["new", str(mine), "--from", printer, "--set", "X.motor=17HS16-2004S1", "--set", "Y.mass_kg=0.9"]) == 0
+    assert capsys.readouterr().out.splitlines()[-4:-1] == [
+        "fill in: motors of Y, Z: 17HS16-2004S1 is assumed; --set Y.motor=MODEL",
+        "fill in: masses of X, Z: 0.5 kg are assumed; --set X.mass_kg=KG",
+        "fill in: supply: 24 V are assumed; --set supply_v=V",
+    ]
+    motion = tmp_path / "motion.csv"
+    motion.write_text("t,X,Y,Z\n0,0,0,10\n0.5,5,4,10\n")
+    assert run(["run", str(mine), str(motion), "--motors"]) == 0
+    assert "motors: keep step" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     "words",
     [
@@ -52,3 +68,18 @@ def test_what_does_not_go_together(words: list[str], tmp_path: Path, capsys: pyt
     mine = tmp_path / "mine.toml"
     refusal(capsys, "new", str(mine), *(word.format(inputs=INPUTS) for word in words))
     assert not mine.exists()
+
+
+@pytest.mark.slow
+def test_what_the_file_does_not_say_is_asked_on_a_terminal(tmp_path: Path) -> None:
+    words = [*PROGRAM, "new", "mine.toml", "--from", str(INPUTS / "linuxcnc" / "turning-table.ini")]
+    with Terminal(words, tmp_path) as terminal:
+        terminal.await_text("A.lower, least position in deg: ")
+        terminal.type("-180\n")
+        terminal.await_text("A.upper, greatest position in deg: ")
+        terminal.type("far\n")
+        terminal.await_text("'far' is not a number")
+        terminal.type("180\n")
+        assert terminal.await_exit() == 0
+    table = load_robot_file(str(tmp_path / "mine.toml")).joints[-1]
+    assert (table.lower, table.upper) == (-180.0, 180.0)

@@ -1,6 +1,7 @@
 """`steptwin run --motors` and `steptwin motors`: whether a robot's motors keep step, from the command line."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -41,6 +42,8 @@ def test_a_stored_run_keeps_step_until_the_payload_is_too_large(
     assert margins == sorted(margins, reverse=True)
     slips = [min(joint["first_slip_s"] or 9.0 for joint in verdict["joints"]) for verdict in found]
     assert slips == sorted(slips, reverse=True)
+    firsts = [min(verdict["joints"], key=lambda joint: joint["first_slip_s"] or 9.0)["name"] for verdict in found[1:]]
+    assert [verdict["first_slip"]["name"] for verdict in found[1:]] == firsts
     lost = [joint["lost_full_steps"] for joint in found[2]["joints"] if joint["first_slip_s"] is not None]
     assert lost
     assert all(steps % 4 == 0 for steps in lost)
@@ -51,6 +54,9 @@ def test_a_run_with_motors_ends_with_their_verdict(tmp_path: Path, capsys: pytes
     """It is kept in the run's folder, too."""
     assert run(["run", ROBOT, "carry", "--motors", "--out", str(tmp_path)]) == 0
     lines = capsys.readouterr().out.splitlines()
+    assert re.fullmatch(
+        rf"{ROBOT}: keeps step, with \d+ % of \w+'s torque left at \d\.\d{{3}} s and \d+ turns a minute", lines[0]
+    )
     assert any(line == f"{ROBOT} carry: PASSED" for line in lines)
     assert "motors: keep step, with 0.1 kg at the tool and 24 V ([A] masses)" in lines
     kept = json.loads((tmp_path / "motors.json").read_text(encoding="utf-8"))

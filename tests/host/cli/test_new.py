@@ -15,10 +15,11 @@ from steptwin.host.operate.doctor import examine
 from steptwin.host.operate.homing import home_robot
 from steptwin.host.operate.session import Session
 from steptwin.host.robots import load_robot, load_robot_file, read_robot, robot_names
+from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import dimensions
 from steptwin.host.robots.kinematics.kinds import kinds
-from steptwin.host.robots.new_file import robot_text, with_settings
+from steptwin.host.robots.new_file import new_motors, robot_text, with_settings
 from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.protocol.drivers import PROFILES
 from tests.end_to_end.command_line import PROGRAM, refusal, run_json
@@ -127,6 +128,38 @@ def test_motors_are_comments_that_only_need_to_be_uncommented(kind: str) -> None
     assert (bare.dynamics, {joint.motor for joint in bare.joints}) == (None, {None})
     assert driven.dynamics is not None
     assert all(joint.motor is not None and joint.link is not None for joint in driven.joints)
+
+
+GIVEN = {"th1.motor": "17HS19-1684S1", "d3.mass_kg": "0", "supply_v": "30"}
+
+
+@pytest.mark.parametrize("given", [dict([each]) for each in GIVEN.items()], ids=list(GIVEN))
+def test_one_figure_of_the_motors_brings_the_others(given: dict[str, str]) -> None:
+    geometry, joints = with_settings("scara", given)
+    robot = read_robot(robot_text("arm", "scara", geometry, joints))
+    assert robot.dynamics is not None
+    assert robot.dynamics.supply_v == float(given.get("supply_v", "24"))
+    models = [joint.motor.model for joint in robot.joints if joint.motor is not None]
+    assert models == 4 * [given.get("th1.motor", "17HS19-2004S1")]
+    masses = {joint.name: joint.link.mass_kg for joint in robot.joints if joint.link is not None}
+    assert masses == {"th1": 0.5, "th2": 0.5, "d3": float(given.get("d3.mass_kg", "0.5")), "th4": 0.5}
+    bodies = {joint.name: (joint.link.centre_mm[0], joint.link.inertia_kgm2[1]) for joint in robot.joints if joint.link}
+    assert bodies["th1"] == (100.0, 0.0017)  # a rod of 0.5 kg and 200 mm: m l^2 / 12
+    assert bodies["d3"] == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("drivers", PROFILES)
+def test_the_supply_that_is_assumed_suits_all_drivers(drivers: str) -> None:
+    made = with_settings("axes", {"driver_profile": drivers, "table.motor": "17HS19-2004S1"})
+    assert read_robot(robot_text("table", "axes", *made)).dynamics is not None
+
+
+def test_what_is_said_of_motors_is_not_marked_as_assumed() -> None:
+    geometry, joints = with_settings("axes", {"table.motor": "17HS19-1684S1", "table.mass_kg": "2", "supply_v": "36"})
+    motors = new_motors(geometry, joints)
+    assert motors.assumptions({"table": Unit.DEG}) == []
+    marked = [line.split(" ")[0] for line in motors.text({"table": Unit.DEG}).splitlines() if "ASSUMED" in line]
+    assert marked == ["friction_nm", "centre_mm", "inertia_kgm2"]
 
 
 @pytest.mark.slow
@@ -343,9 +376,8 @@ def test_a_motor_that_is_given_is_no_comment(tmp_path: Path, capsys: pytest.Capt
     assert run(["new", str(file), "--kind", "scara", "--set", "th1.motor=23HS22-2804S"]) == 0
     lines = file.read_text(encoding="utf-8").splitlines()
     at = lines.index("[joints.th1.motor]")
-    assert lines[at + 1].startswith('model = "23HS22-2804S"')
-    assert lines[at + 2].startswith("friction_nm = 0.01 ")
-    assert "# [joints.th2.motor]" in lines
-    motors = {joint.name: joint.motor and joint.motor.model for joint in load_robot_file(file).joints}
-    assert motors == {"th1": "23HS22-2804S", "th2": None, "d3": None, "th4": None}
+    assert lines[at + 1 : at + 3] == [
+        'model = "23HS22-2804S" # or the figures of its datasheet',
+        "friction_nm = 0.01     # ASSUMED: of motor and gear, at the motor's shaft",
+    ]
     refusal(capsys, "new", str(file), "--kind", "scara", "--replace", "--set", "th1.motor=23HS22")

@@ -49,7 +49,7 @@ def test_a_verdict_warns_below_the_margin_and_fails_with_a_slip(ran: MotorRun, c
     def verdict(current_a: float) -> MotorVerdict:
         driving = ran.driving.at_current(current_a)
         torques = torques_of_plan(driving, comparison)
-        return motor_verdict(driving, torques, ran.trace, ran.verdict.tool)
+        return motor_verdict(driving, comparison, torques, ran.trace, ran.verdict.tool)
 
     least = min(joint.margin for joint in ran.verdict.joints)
     # At low speed the torque there is grows in proportion to the current.
@@ -60,9 +60,45 @@ def test_a_verdict_warns_below_the_margin_and_fails_with_a_slip(ran: MotorRun, c
     assert short.kept_step
     assert any("less than 30 %" in line for line in short.warnings)
     slipped = replace(ran.trace, first_slip_counts=(ran.driving.start_counts + COUNTS_PER_SECOND, None, None, None))
-    lost = motor_verdict(ran.driving, ran.torques, slipped, ran.verdict.tool)
+    lost = motor_verdict(ran.driving, comparison, ran.torques, slipped, ran.verdict.tool)
     assert not lost.kept_step
     assert lost.reasons == ("th1: its rotor slips at 1.000 s and ends 0 full steps away",)
+
+
+def test_the_answer_says_where_and_why_the_first_rotor_slips(ran: MotorRun, comparison: Comparison) -> None:
+    """Of two slips the earlier one: short of torque, or with enough of it, or before the motion."""
+
+    def answer(needed_nm: float, *slips_s: float | None) -> str:
+        counts = tuple(
+            None if at_s is None else ran.driving.start_counts + round(at_s * COUNTS_PER_SECOND) for at_s in slips_s
+        )
+        needed = np.full_like(ran.torques.needed_nm, needed_nm)
+        given = replace(
+            ran.torques, needed_nm=needed, available_nm=np.full_like(needed, 0.3), rpm=np.full_like(needed, -120.0)
+        )
+        lost = np.tile([8.0, 0.0, -4.0, 0.0], (len(ran.trace.counts), 1))
+        slipped = replace(ran.trace, first_slip_counts=counts, lost_full_steps=lost)
+        return motor_verdict(ran.driving, comparison, given, slipped, ran.verdict.tool).answer
+
+    trajectory = comparison.expected.trajectory
+    at_rest = zip(trajectory.joint_names, trajectory.positions(np.array([0.25]))[0], strict=True)
+    place = ", ".join(f"{name} {position:.3f}" for name, position in at_rest)
+    first = f"LOSES STEPS, in the end 8 full steps of th1, 4 full steps of d3: d3 slips first, at 0.250 s and {place}, "
+    assert answer(-0.45, 0.5, None, 0.25, None) == (
+        f"{first}because the motion needs 0.450 Nm at 120 turns a minute, and the motor has 0.300 Nm"
+    )
+    assert answer(0.1, 0.5, None, 0.25, None) == (
+        f"{first}because its rotor swings: the motion alone needs only 0.100 Nm of 0.300 Nm"
+    )
+    assert answer(0.1, -0.04, None, None, None) == (
+        "LOSES STEPS, in the end 8 full steps of th1: th1 slips first, 0.040 s before the motion, while the drivers"
+        " switch on, against a load of 0.100 Nm"
+    )
+    nowhere = 4 * [None]
+    assert answer(-0.03, *nowhere) == "keeps step, with 90 % of th1's torque left at 0.000 s and 120 turns a minute"
+    assert answer(0.45, *nowhere) == (
+        "keeps step: th1 needs 150 % of its torque at 0.000 s and 120 turns a minute, but not for long"
+    )
 
 
 def test_the_payload_hangs_only_while_it_is_held(ran: MotorRun, comparison: Comparison) -> None:
