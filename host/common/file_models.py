@@ -406,7 +406,8 @@ def _read_named(keeps_names: bool, value: object, handler: Any, info: Any) -> ob
                 for found in error.errors(include_url=False):
                     _, *within = found["loc"]
                     if within == ["[key]"]:
-                        Findings(reading.findings.messages, f"{reading.header}: ").add(error_text(found))
+                        place = reading.findings.place.removesuffix(".")
+                        Findings(reading.findings.messages, f"{place}: ").add(error_text(found))
                     else:
                         reading.findings.add(f"{shortened(name)}{error_place({'loc': within})}: {error_text(found)}")
     return named if named or not value else _UNREAD
