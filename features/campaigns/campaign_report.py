@@ -13,8 +13,8 @@ from steptwin.features.campaigns.campaign import Campaign
 from steptwin.features.campaigns.results import Results
 from steptwin.features.campaigns.running import run_trial
 from steptwin.features.campaigns.summary import Cause, Summary, summarised
-from steptwin.features.campaigns.trial import draw, placed
-from steptwin.features.campaigns.values import AtPart, PlannedAt
+from steptwin.features.campaigns.trial import draw
+from steptwin.features.campaigns.values import AtPart, PlannedAt, placed
 from steptwin.host.common.own_files import made_folder
 from steptwin.host.common.whole_file import write_whole
 

@@ -204,9 +204,9 @@ def _seed(text: str) -> int:
 
 
 def _run(answer: AnswerOptions, asked: CampaignOptions, file: str) -> None:
-    from steptwin.features.campaigns.campaign import RUNS_MAX, sources_of_file
-    from steptwin.features.campaigns.reader import read_campaign
+    from steptwin.features.campaigns.campaign import RUNS_MAX, read_campaign
     from steptwin.features.campaigns.results import Results
+    from steptwin.features.campaigns.sources import sources_of_file
     from steptwin.features.campaigns.summary import summarised
 
     sources = sources_of_file(file)
@@ -263,9 +263,9 @@ def _make_runs(campaign: "Campaign", results: "Results", processes: int, schedul
 
 def _kept(folder: Path) -> "tuple[Campaign, Results]":
     """Return the campaign of a folder, with the number of runs by --runs, and its results."""
-    from steptwin.features.campaigns.campaign import sources_of_results
-    from steptwin.features.campaigns.reader import read_campaign
+    from steptwin.features.campaigns.campaign import read_campaign
     from steptwin.features.campaigns.results import Results
+    from steptwin.features.campaigns.sources import sources_of_results
 
     kept, _ = read_campaign(sources_of_results(folder))
     results = Results(folder)
@@ -273,7 +273,7 @@ def _kept(folder: Path) -> "tuple[Campaign, Results]":
 
 
 def _rerun(answer: AnswerOptions, asked: CampaignOptions, folder: Path, seed: int) -> None:
-    from steptwin.features.campaigns.reader import read_scenario_table
+    from steptwin.features.campaigns.campaign import read_scenario_table
     from steptwin.features.campaigns.running import perform, row_of
     from steptwin.features.campaigns.trial import draw, with_varied_file
     from steptwin.features.motors.run import MotorRunHook

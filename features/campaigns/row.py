@@ -13,7 +13,7 @@ from pathlib import Path
 from stat import S_ISREG
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, get_origin, get_type_hints
 
-from steptwin.features.campaigns.campaign import source_version
+from steptwin.features.campaigns.sources import source_version
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import (

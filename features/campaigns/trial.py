@@ -6,32 +6,25 @@ campaign does not change the drawn robots, motions and faults.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from random import Random
-from typing import Any, Final, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
-import numpy as np
-
-from steptwin.features.campaigns.campaign import Campaign, CampaignMotion, JobMotion, RandomMoves
-from steptwin.features.campaigns.values import AtPart, PlannedAt, drawn
+from steptwin.features.campaigns.campaign import Campaign, RandomMoves
+from steptwin.features.campaigns.values import AtPart, PlannedAt, drawn, placed
 from steptwin.features.campaigns.variations import Setup, set_up
 from steptwin.features.faults.scenario import SEED_MAX, Scenario, scenario_of
 from steptwin.features.motors.options import MotorsTurn
-from steptwin.host.common.arrays import FloatArray
-from steptwin.host.common.bad_input import known, prefixed
+from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.checks import TooFastError
-from steptwin.host.planning.jobs import make_job
-from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan_stretched
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.reader import read_robot
 from steptwin.host.robots.robot import Robot
-
-_TRIES: Final = 6
-"""Number of draws of a random move, each half as far, until the robot can make it."""
 
 
 class _Weighted(Protocol):
@@ -125,15 +118,15 @@ def draw(campaign: Campaign, seed: int) -> Trial:
     """Draw the run of a seed; raise InputError, with the part of the campaign, if it is impossible."""
     name = _stream(seed, "robot").choice(list(campaign.robots))
     robot = campaign.robots[name]
-    motion = _weighted([each for each in campaign.motions if name in each.robots], _stream(seed, "motion")).motion
-    scenario = _weighted([each for each in campaign.scenarios if name in each.robots], _stream(seed, "scenario"))
+    motion = _weighted([each for each in campaign.motion if name in each.robots], _stream(seed, "motion"))
+    scenario = _weighted([each for each in campaign.scenario if name in each.robots], _stream(seed, "scenario"))
     varied = {
         parameter: drawn(template, _stream(seed, f"vary.{parameter}"), robot)
         for parameter, template in {**campaign.vary, **scenario.vary}.items()
     }
     setup = set_up(robot, varied)
     with prefixed(f"{motion}: "):
-        options, trajectory = _motion(motion, name, robot, seed)
+        options, trajectory = motion.drawn_for(name, robot, partial(_stream, seed))
     table = drawn(scenario.table, _stream(seed, f"scenario.{scenario.name}"), robot)
     return Trial(
         seed=seed,
@@ -157,70 +150,6 @@ def _stream(seed: int, what: str) -> Random:
 
 def _weighted(choices: Sequence[_Choice], random: Random) -> _Choice:
     return random.choices(choices, [choice.weight for choice in choices])[0]
-
-
-def _motion(
-    motion: JobMotion | RandomMoves | CampaignMotion, name: str, robot: Robot, seed: int
-) -> tuple[dict[str, Any], Trajectory]:
-    """Return the drawn values of a motion, and its trajectory."""
-    if isinstance(motion, CampaignMotion):
-        return {}, motion.trajectories[name]
-    if isinstance(motion, JobMotion):
-        streams = {option: _stream(seed, f"{motion.job}.{option}") for option in motion.options}
-        options = {option: drawn(value, streams[option], robot) for option, value in motion.options.items()}
-        return options, make_job(robot, motion.job, {option: str(value) for option, value in options.items()})
-    random = _stream(seed, "moves")
-    options = {"moves": drawn(motion.moves, random, robot), "reach": drawn(motion.reach, random, robot)}
-    return options, random_moves(robot, options["moves"], options["reach"], random)
-
-
-def random_moves(robot: Robot, moves: int, reach: float, random: Random) -> Trajectory:
-    """Return moves of all joints around the robot's home, each within `reach` of the joints' ranges; raise InputError.
-
-    A position that the robot cannot reach is drawn again, half as far.
-    """
-    lower = np.array([joint.lower for joint in robot.joints])
-    upper = np.array([joint.upper for joint in robot.joints])
-    home = np.array(robot.home)
-    composer = Composer(robot, home)
-    for _ in range(moves):
-        for attempt in range(_TRIES):
-            parts = np.array([random.uniform(-1, 1) for _ in robot.joints])
-            goal = np.clip(home + parts * reach / 2**attempt * (upper - lower), lower, upper)
-            try:
-                _check_move(robot, composer.joints, goal)
-            except InputError:
-                if attempt == _TRIES - 1:
-                    raise
-            else:
-                composer.go(goal)
-                break
-    return composer.sequence()
-
-
-def _check_move(robot: Robot, start: FloatArray, goal: FloatArray) -> None:
-    """Raise InputError if the robot cannot make the move."""
-    composer = Composer(robot, start)
-    composer.go(goal)
-    plan_stretched(robot, composer.sequence(), None)
-
-
-def placed(value: Any, plan: Plan, *, joint: str | None = None) -> Any:
-    """Return a drawn table with fractions of the motion converted to seconds, or to positions of the joint there."""
-    if isinstance(value, dict):
-        beside = value.get("joint", joint)
-        return {key: placed(item, plan, joint=beside) for key, item in value.items()}
-    if isinstance(value, list):
-        return [placed(item, plan) for item in value]
-    if isinstance(value, AtPart):
-        return round(value.part * plan.trajectory.duration_s, 4)
-    if isinstance(value, PlannedAt):
-        if joint is None:
-            raise InputError("on_the_way: needs the joint beside it, under the key joint")
-        known("joint", joint, plan.robot.joint_names)
-        at_s = np.array([value.part * plan.trajectory.duration_s])
-        return round(float(plan.trajectory.positions(at_s)[0, plan.robot.index_of(joint)]), 4)
-    return value
 
 
 def _leaves(place: str, value: Any) -> Iterator[tuple[str, Any]]:

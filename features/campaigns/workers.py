@@ -12,9 +12,10 @@ from multiprocessing import resource_tracker
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from steptwin.features.campaigns.campaign import Campaign, source_version
+from steptwin.features.campaigns.campaign import Campaign
 from steptwin.features.campaigns.row import Breach, Ended, Row
 from steptwin.features.campaigns.running import run_seed
+from steptwin.features.campaigns.sources import source_version
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.common.processes import collect_seldom
 

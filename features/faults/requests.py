@@ -12,8 +12,6 @@ from math import inf, isfinite
 from reprlib import repr as short
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
-from pydantic_core import CoreSchema, core_schema
-
 from steptwin.features.faults.fault import Fault, Key, KeyKind
 from steptwin.features.faults.kinds import FAULTS
 from steptwin.features.faults.kinds.host import HostFault
@@ -22,7 +20,7 @@ from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.choices import LEVELS, STATE, SWITCHES
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_models import FileTable, read_model
-from steptwin.host.common.file_values import Within
+from steptwin.host.common.file_values import ReadBy, Within
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.numbers import LARGEST
 from steptwin.protocol.cia402 import DigitalInput
@@ -113,28 +111,14 @@ def keys_of(do: str) -> dict[str, Key]:
 # --- kinds of values
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ReadAs:
-    """Annotation of a model's value with a function that reads it.
-
-    Attributes:
-        read: converts the value; raises InputError without the key.
-        schema: its JSON schema.
-    """
-
-    read: Callable[[object], object]
-    schema: Mapping[str, Any]
-
-    def __get_pydantic_core_schema__(self, _source: object, _handler: object) -> CoreSchema:
-        return core_schema.no_info_plain_validator_function(self.read)
-
-    def __get_pydantic_json_schema__(self, _schema: CoreSchema, _handler: object) -> dict[str, Any]:
-        return dict(self.schema)
+def read_as(read: Callable[[Any], object], schema: Mapping[str, Any]) -> ReadBy:
+    """Return the annotation of a value that a function reads, which raises InputError without the key."""
+    return ReadBy(lambda value, _: read(value), lambda: dict(schema))
 
 
-def by_name(members: Mapping[str, Any]) -> ReadAs:
+def by_name(members: Mapping[str, Any]) -> ReadBy:
     """Return the annotation of a value read by name."""
-    return ReadAs(lambda value: members[known_name(value, members)], {"enum": [*members]})
+    return read_as(lambda value: members[known_name(value, members)], {"enum": [*members]})
 
 
 def known_name(value: object, names: Iterable[str]) -> str:
@@ -166,7 +150,7 @@ def read_identifier(value: object) -> int:
     return value
 
 
-Identifier = Annotated[int, ReadAs(read_identifier, {"type": "integer", "minimum": 0, "maximum": COB_ID_MASK})]
+Identifier = Annotated[int, read_as(read_identifier, {"type": "integer", "minimum": 0, "maximum": COB_ID_MASK})]
 
 
 def _read_frames(value: object) -> str | tuple[int, ...]:
@@ -189,7 +173,7 @@ def _read_bytes(value: object) -> bytes:
     return data
 
 
-def whole_number(least: float = -inf, most: float = inf) -> ReadAs:
+def whole_number(least: float = -inf, most: float = inf) -> ReadBy:
     """Return the annotation of a whole number from `least` to `most`; seeds may be long."""
 
     def read(value: object) -> int:
@@ -202,7 +186,7 @@ def whole_number(least: float = -inf, most: float = inf) -> ReadAs:
         return value
 
     limits = {"minimum": least, "maximum": most}
-    return ReadAs(read, {"type": "integer"} | {name: limit for name, limit in limits.items() if isfinite(limit)})
+    return read_as(read, {"type": "integer"} | {name: limit for name, limit in limits.items() if isfinite(limit)})
 
 
 def _wired_input(robot: "Robot", name: str, _values: Mapping[str, Any]) -> Any:
@@ -293,7 +277,7 @@ _KINDS: Final[Mapping[KeyKind, ValueKind]] = {
         "FRAMES",
         "name of frames, or list of identifiers",
         lambda word: [_whole(each, 0) for each in word.split(",")] if word[:1].isdigit() else word,
-        lambda _: Annotated[Any, ReadAs(_read_frames, _FRAMES_SCHEMA)],
+        lambda _: Annotated[Any, read_as(_read_frames, _FRAMES_SCHEMA)],
         _ids_of,
     ),
     KeyKind.IDENTIFIER: ValueKind("ID", "identifier", lambda word: _whole(word, 0), lambda _: Identifier),
@@ -301,7 +285,7 @@ _KINDS: Final[Mapping[KeyKind, ValueKind]] = {
         "HEX",
         f"up to {DATA_BYTES_MAX} bytes in hexadecimal digits",
         str,
-        lambda _: Annotated[bytes, ReadAs(_read_bytes, {"type": "string"})],
+        lambda _: Annotated[bytes, read_as(_read_bytes, {"type": "string"})],
         written=lambda _robot, data, _fault: data.hex(" "),
     ),
 }

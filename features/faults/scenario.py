@@ -18,7 +18,7 @@ from steptwin.features.faults.fault import Fault
 from steptwin.features.faults.kinds import FAULTS
 from steptwin.features.faults.kinds.host import HostFault
 from steptwin.features.faults.reaction import Motion, Reaction
-from steptwin.features.faults.requests import ReadAs, by_name, fault_of, model_of, read_fault_table, whole_number
+from steptwin.features.faults.requests import by_name, fault_of, model_of, read_as, read_fault_table, whole_number
 from steptwin.features.faults.triggers import AtTime, DriveState, Time, Trigger, TriggerKeys
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
@@ -114,7 +114,7 @@ class ExpectedKeys(FileTable):
     """An expected reaction other than the documented one."""
 
     motion: Annotated[Motion, by_name({each.name.lower().replace("_", "-"): each for each in Motion})]
-    codes: Annotated[tuple[ErrorCode, ...], ReadAs(_codes, {"type": "array", "items": {"type": "integer"}})] = ()
+    codes: Annotated[tuple[ErrorCode, ...], read_as(_codes, {"type": "array", "items": {"type": "integer"}})] = ()
     state: DriveState | None = None
     within_ms: NotNegative = 0.0
     certain: bool = True

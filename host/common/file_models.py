@@ -25,7 +25,7 @@ from pydantic_core import CoreSchema, core_schema
 from steptwin.host.common.bad_input import nearest, shortened, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_errors import error_place, error_text, wrong
-from steptwin.host.common.file_values import OneOf, Rows, Within, check_limits
+from steptwin.host.common.file_values import OneOf, TableList, Within, check_limits
 from steptwin.host.common.findings import Findings, UnreadError, judged
 from steptwin.host.common.tables import toml_table
 
@@ -311,10 +311,10 @@ def _of(hint: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
     """Return how a value is read: names and lists of tables as `_read_named` and `_read_rows`."""
     hint = _given(hint)
     kind, *annotations = get_args(hint) if get_origin(hint) is Annotated else (hint,)
-    rows = next((each for each in annotations if isinstance(each, Rows)), None)
+    rows = next((each for each in annotations if isinstance(each, TableList)), None)
     if get_origin(kind) is tuple and (rows or (get_args(kind)[1:] == (...,) and _is_table(get_args(kind)[0]))):
         listed = core_schema.list_schema(handler.generate_schema(get_args(kind)[0]))
-        return core_schema.with_info_wrap_validator_function(partial(_read_rows, rows or Rows()), listed)
+        return core_schema.with_info_wrap_validator_function(partial(_read_rows, rows or TableList()), listed)
     if get_origin(hint) in (Mapping, dict):
         names, each = get_args(hint)
         named = core_schema.dict_schema(handler.generate_schema(names), _of(each, handler))
@@ -371,7 +371,7 @@ def _read_key(key: str, value: object, handler: Any, info: Any) -> object:
     return _UNREAD
 
 
-def _read_rows(rows: Rows, value: Any, handler: Any, info: Any) -> object:
+def _read_rows(rows: TableList, value: Any, handler: Any, info: Any) -> object:
     """Return the tables of a list. Wrong ones are parts of their models."""
     reading: FileReading = info.context
     rows.check(value, reading.header)
@@ -405,8 +405,11 @@ def _read_named(keeps_names: bool, value: object, handler: Any, info: Any) -> ob
             except ValidationError as error:
                 for found in error.errors(include_url=False):
                     _, *within = found["loc"]
-                    place = "" if within == ["[key]"] else f"{shortened(name)}{error_place({'loc': within})}: "
-                    reading.findings.add(f"{place}{error_text(found)}")
+                    if within == ["[key]"]:
+                        place = reading.findings.place.removesuffix(".")
+                        Findings(reading.findings.messages, f"{place}: ").add(error_text(found))
+                    else:
+                        reading.findings.add(f"{shortened(name)}{error_place({'loc': within})}: {error_text(found)}")
     return named if named or not value else _UNREAD
 
 

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from math import inf, isnan
 from reprlib import repr as short
-from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
+from types import UnionType
+from typing import TYPE_CHECKING, Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
@@ -161,7 +162,7 @@ def _check_limit(settings: Any, name: str, limit: ValueLimit) -> None:
 def _limits(model: Any) -> list[tuple[str, ValueLimit]]:
     found: list[tuple[str, ValueLimit]] = []
     for name, hint in get_type_hints(model, include_extras=True).items():
-        for each in (hint, *get_args(hint)):  # of `Positive | None` as well
+        for each in get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,):  # `Positive | None` as well
             found += [(name, limit) for limit in getattr(each, "__metadata__", ()) if isinstance(limit, ValueLimit)]
     return found
 
@@ -186,7 +187,7 @@ class Values:
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class TableList:
     """Annotates a list of tables, whose places are such as `step 2`, and `step 2.1` for a list in one of them.
 
     Attributes:

@@ -147,7 +147,7 @@ _Cell = Annotated[ToolPosition, ReadBy(_read_cell, lambda: {"oneOf": [{"type": "
 
 
 @dataclass(frozen=True, slots=True)
-class Direction(FileTable):
+class PalletDirection(FileTable):
     """The cells of a pallet in a direction: exactly one of `to` and `pitch` says how far they are apart.
 
     Attributes:
@@ -177,7 +177,7 @@ class Direction(FileTable):
         return {name: distance / (self.count - 1) for name, distance in _way(first, self.to).items()}
 
 
-_ONE_CELL: Final = Direction(1)
+_ONE_CELL: Final = PalletDirection(1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,9 +197,9 @@ class PalletTable(FileTable):
 
     first: _Cell
     frame: AnyFrame = STATION_FRAME
-    along: Direction = _ONE_CELL
-    across: Direction = _ONE_CELL
-    up: Direction = _ONE_CELL
+    along: PalletDirection = _ONE_CELL
+    across: PalletDirection = _ONE_CELL
+    up: PalletDirection = _ONE_CELL
     fourth: _Cell | None = None
     order: tuple[Literal["along", "across", "up"], ...] = ("along", "across", "up")
     zigzag: bool = False
@@ -224,7 +224,7 @@ class PalletTable(FileTable):
         return Pallet(cells, tuple(",".join(str(i + 1) for i in index) for index in indices), table.frame)
 
     @property
-    def directions(self) -> tuple[Direction, ...]:
+    def directions(self) -> tuple[PalletDirection, ...]:
         """The directions along, across and up."""
         return self.along, self.across, self.up
 

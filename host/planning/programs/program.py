@@ -8,7 +8,7 @@ from typing import Annotated, Any, Final, NamedTuple
 from steptwin.host.common.bad_input import nearest, prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import giving
-from steptwin.host.common.file_values import OneOf, ReadBy, Rows, Within
+from steptwin.host.common.file_values import OneOf, ReadBy, TableList, Within
 from steptwin.host.common.findings import Part
 from steptwin.host.common.own_files import is_file
 from steptwin.host.planning.drives import AskedLimits
@@ -98,7 +98,7 @@ _OTHER_WORDS: Final = dict.fromkeys(("wait_s", "pause_s", "sleep", "delay", "dwe
 """Words that authors write for a verb."""
 
 AnyStep = Annotated[Step | Repeat | Each | Call | WrongStep, OneOf("step", step_models, _OTHER_WORDS)]
-Steps = Annotated[tuple[AnyStep, ...], Rows("step", STEPS_MAX, WrongStep.if_wrong)]
+Steps = Annotated[tuple[AnyStep, ...], TableList("step", STEPS_MAX, WrongStep.if_wrong)]
 
 
 @dataclass(frozen=True, slots=True)

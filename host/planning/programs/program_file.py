@@ -144,10 +144,10 @@ class ProgramFile(FileTable):
         """Return the program, with what could be read of it."""
         saved: PositionsFile | None = values.get("positions_file")
         own, further = values.get("positions") or {}, saved.positions if saved else {}
-        for twice in own.keys() & further.keys():
+        for twice in [name for name in own if name in further]:
             file = reading.file["positions_file"]
             reading.findings.add(f"positions_file: {twice!r} is in {file} and in this program: rename one of them")
-        keys = cls.__dataclass_fields__.keys() - ProgramFile.__dataclass_fields__.keys()
+        keys = [key for key in cls.__dataclass_fields__ if key not in ProgramFile.__dataclass_fields__]
         return Program(
             title=values.get("title") or "",
             robot=values.get("robot"),

@@ -10,7 +10,7 @@ import pytest
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_models import FileReading, FileTable, json_schema, read_model, read_toml
-from steptwin.host.common.file_values import Choice, Name, NotNegative, OneOf, Positive, Rows, Values, Within
+from steptwin.host.common.file_values import Choice, Name, NotNegative, OneOf, Positive, TableList, Values, Within
 from steptwin.host.common.findings import Findings, Part, UnreadError
 
 
@@ -62,7 +62,7 @@ class Repeat(FileTable):
     """Makes steps several times."""
 
     repeat: Annotated[int, Within(1, 5)]
-    steps: Annotated[tuple[Step, ...], Rows("step", 3, lambda step: "wrong" if step is None else step)]
+    steps: Annotated[tuple[Step, ...], TableList("step", 3, lambda step: "wrong" if step is None else step)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ class Store(FileTable):
     places: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     named: Mapping[str, Annotated[Any, Named]] = field(default_factory=dict)
     step: tuple[Step, ...] = ()
-    numbered: Mapping[str, Annotated[tuple[Step, ...], Rows("step")] | None] = field(default_factory=dict)
+    numbered: Mapping[str, Annotated[tuple[Step, ...], TableList("step")] | None] = field(default_factory=dict)
     kept: Mapping[str, float | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -33,9 +33,10 @@ def misfits(value: Any, schema: Mapping[str, Any], place: str = "", defs: Mappin
     schema = defs[schema["$ref"].removeprefix("#/$defs/")] if "$ref" in schema else schema
     if one := schema.get("oneOf") or schema.get("anyOf"):
         return min((misfits(value, each, place, defs) for each in one), key=len)
-    if "const" in schema or not schema.keys() & {"type", "enum"}:
-        return [] if value == schema.get("const", value) else [f"{place}: {value}"]
-    kind = schema.get("type", "string")
+    if "type" not in schema or "const" in schema:
+        fits = value in schema.get("enum", [schema.get("const", value)])
+        return [] if fits else [f"{place}: {value} is beyond its limits"]
+    kind = schema["type"]
     if not isinstance(value, TYPES[kind]) or (isinstance(value, bool) and kind != "boolean"):
         return [f"{place}: {value} is no {kind}"]
     if kind == "object":
@@ -43,7 +44,10 @@ def misfits(value: Any, schema: Mapping[str, Any], place: str = "", defs: Mappin
         wrong = [f"{place}.{key}: is missing" for key in schema.get("required", ()) if key not in value]
         for key, each in value.items():
             inner = own.get(key, others)
-            wrong += [f"{place}.{key}: is unknown"] if inner is False else misfits(each, inner, f"{place}.{key}", defs)
+            if inner is False:
+                wrong.append(f"{place}.{key}: is unknown")
+            elif inner is not True:
+                wrong += misfits(each, inner, f"{place}.{key}", defs)
         return wrong
     if kind == "array":
         kinds = schema.get("prefixItems") or [schema["items"]] * len(value)
