@@ -12,7 +12,7 @@ from steptwin.features.urdf.urdf_chain import ChainMove, UrdfChain, chain_of
 from steptwin.features.urdf.urdf_tree import read_urdf
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_limits import URDF_BYTES_MAX
+from steptwin.host.common.file_limits import MIB
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.own_files import read_text
 from steptwin.host.robots import read_robot
@@ -24,6 +24,8 @@ from steptwin.host.robots.new_joint import NewJoint, board_with, read_joint
 from steptwin.host.robots.robot import Dimension
 
 KIND: Final = "chain"
+URDF_BYTES_MAX: Final = 1 * MIB
+"""A link of a URDF with masses, meshes and a joint has some 1 KiB; a robot with two arms and hands has some 100."""
 _RATIO: Final = 20.0
 _LEAD_MM: Final = 8.0
 _MICROSTEPS: Final = 8

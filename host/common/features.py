@@ -152,6 +152,11 @@ class LiveWords(Protocol):
 class DriveModel(Protocol):
     """A feature's model of a machine's drives, in addition to the joints' limits."""
 
+    @property
+    def name(self) -> str:
+        """Key of its results in JSON documents."""
+        ...
+
     def limits(self, robot: "Robot", left_percent: float) -> "DriveLimits":
         """Return the limits of fastest motions that leave `left_percent` of the drives' torque.
 
