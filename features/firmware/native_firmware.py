@@ -102,7 +102,7 @@ class NativeMotion:
 
     @property
     def resting(self) -> int:
-        """The axes that rest, as bits."""
+        """Axes at rest, as bits."""
         return sum(1 << number for number in range(len(self.axes)) if number not in self.running_axes)
 
 

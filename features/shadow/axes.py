@@ -30,7 +30,7 @@ STANDSTILL_TOLERANCE_STEPS: Final = 1.0
 STANDSTILL_COUNTS: Final = 150 * COUNTS_PER_MS
 """Time without motion after which an axis counts as at rest; its PDO comes every 100 ms."""
 REPORTED_STANDSTILL_COUNTS: Final = 500 * COUNTS_PER_MS
-"""Time without motion in which an axis has sent its final position twice, even if its twin is late."""
+"""Time at standstill after which an axis has sent its final position at least twice, even with a late twin."""
 LOST_TOLERANCE_UNITS: Final = 2 * 16384
 """Switch positions that differ by at most two full steps, in wire units, are equal; a slipping rotor loses four."""
 _PDO_PERIOD_S: Final = 0.1

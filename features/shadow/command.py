@@ -198,9 +198,9 @@ def _power_up(
 def _requested_values(
     bus: "can.BusABC", title: str, robot: "Robot"
 ) -> "tuple[Mapping[int, NodeValues], tuple[int, int]]":
-    """Ask the machine how it stands; return that, and of the last answer the stamp and when it came, in us.
+    """Request the machine's state; return it, and the stamp and the arrival of the last answer, in us.
 
-    Here alone is something sent: what `Questions` returns.
+    Only this function sends frames: those of `Questions`.
     """
     import can
 
