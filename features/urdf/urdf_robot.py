@@ -59,7 +59,7 @@ class UrdfSource:
             chain = chain_of(read_urdf(read_text(self.path, URDF_BYTES_MAX)), self.base, self.tip, snap=self.snap)
         with prefixed("--set "):
             joints = _with_settings(tuple(map(_new_joint, chain.moves)), settings)
-            geometry = chain.geometry | _kinematics_keys(settings)
+            geometry = chain.geometry | {key: read(settings[key]) for key, read in _TOLD.items() if key in settings}
         with prefixed(f"{self.path}: "):
             _check_ranges(joints)
             _check_held(geometry)
@@ -98,11 +98,6 @@ def _with_settings(joints: tuple[NewJoint, ...], settings: Mapping[str, str]) ->
             by_name[name] = read_joint(by_name[name], quantity, text)
     findings.raise_first()
     return tuple(by_name.values())
-
-
-def _kinematics_keys(settings: Mapping[str, str]) -> dict[str, Dimension]:
-    """Return the keys of [kinematics] from settings: the tool's task, and the held joints."""
-    return {key: _TOLD[key](settings[key]) for key in _TOLD if key in settings}
 
 
 def _held(text: str) -> list[str]:

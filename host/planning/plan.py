@@ -115,7 +115,8 @@ class Plan:
         lowest = min(found, key=lambda each: each.percent)
         if lowest.percent <= PLANNED_PERCENT:
             return lowest._replace(percent=PLANNED_PERCENT)
-        held = _by_drives(self, lowest.percent)
+        drives = drive_model()
+        held = None if drives is None else drives.highest_speed(self, lowest.percent)
         return lowest if held is None or held.percent >= lowest.percent else held
 
     def until(self, end_ms: int) -> "Plan":
@@ -167,12 +168,6 @@ def highest_speed(plan: Plan) -> HighestSpeed:
     robot's motors turn by the motion: at r times the speed they must keep step, with some reserve.
     """
     return plan.highest_speed
-
-
-def _by_drives(plan: Plan, percent: int) -> HighestSpeed | None:
-    """Return the highest speed, up to a percentage, that the drives hold; None if they are unknown."""
-    drives = drive_model()
-    return None if drives is None else drives.highest_speed(plan, percent)
 
 
 def _by_peak(peak: Peak) -> int:
