@@ -14,7 +14,7 @@ from steptwin.protocol.cia402 import Mode, State, Status
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
 JITTER_COUNTS: Final = 2 * COUNTS_PER_MS
-"""Uncertainty of a time stamp, and of the instant at which a PDO that waits for the bus sampled its value."""
+"""Uncertainty of a time stamp, and of the instant when a PDO that waits for the bus sampled its value."""
 TICK_COUNTS: Final = COUNTS_PER_SECOND // 4000
 """One servo tick: a command may act one tick later on one side than on the other."""
 SEGMENT_DELAY_S: Final = 0.016
@@ -171,11 +171,11 @@ class ComparedAxis:
         self._off_times = 0
         self._position_reported = False
         self._moved_counts = 0
-        """Last instant at which the twin moved."""
+        """Last instant when the twin moved."""
         self._compared_at_rest = True
         """True if the positions have been compared at rest since then."""
         self._started_counts = 0
-        """Instant at which the twin started to move."""
+        """Instant when the twin started to move."""
         self._peak_units_per_s = 0
         self._last_units_per_s = 0
         self._varied_units_per_s = 0

@@ -40,7 +40,7 @@ _STEPS_TOLD: Final = 10
 _WAITS_US: Final = 250_000
 """Time for which a discrepancy waits for its like on other axes: all are told within a second."""
 _STANDS_US: Final = 1_000_000
-"""Time in which frames come and their stamps' clock stands, after which it is taken for none."""
+"""Time after which a stamps' clock that stands still while frames come counts as none."""
 ASKING: Final = "asking"
 """The word for `--join` that lets the machine be asked how it stands."""
 BOARD_LOG: Final = "board.log"

@@ -1,6 +1,6 @@
 """Make a time that never steps of the stamps of frames, whose clock may be set, restarted, or stand.
 
-No clock is read here. What the stamps say is held against the times at which the frames came, by a clock that is never
+No clock is read here. What the stamps say is held against the times when the frames came, by a clock that is never
 set, where the caller knows them. A frame may come late, but not before it was stamped: a stamp that is ahead of all
 others by that clock tells of a step.
 """
@@ -41,7 +41,7 @@ class StampClock:
         self._arrived_us: int | None = None
         """When that frame came."""
         self._highest_us = 0.0
-        """The stamp that was farthest ahead of its coming, less the time at which it came."""
+        """The stamp that was farthest ahead of its coming, less the time when it came."""
         self._paced_since_us, self._paced_us = 0, 0.0
         """Since when frames have come as they are stamped, and how far ahead the first of them was."""
 

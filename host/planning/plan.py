@@ -181,7 +181,7 @@ def _by_peak(peak: Peak) -> int:
 
 
 def _by_step_rate(peak: Peak) -> int:
-    """Return the highest percentage at which the board accepts the fastest record (see `AxisMotion.push_record`)."""
+    """Return the highest percentage with which the board accepts the fastest record (see `AxisMotion.push_record`)."""
     limit_q16 = round(peak.limit * FULL_RATE_Q16 / 1000)
     percent = min(RATE_PERCENT_MAX, floor(100 * peak.limit / peak.value))
     while (
