@@ -21,7 +21,8 @@ from steptwin.host.common import numbers
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.choices import LEVELS, STATE, SWITCHES
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_models import FileTable, Within, read_model
+from steptwin.host.common.file_models import FileTable, read_model
+from steptwin.host.common.file_values import Within
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.numbers import LARGEST
 from steptwin.protocol.cia402 import DigitalInput

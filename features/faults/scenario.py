@@ -23,7 +23,8 @@ from steptwin.features.faults.triggers import AtTime, DriveState, Time, Trigger,
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, SCENARIO_BYTES_MAX
-from steptwin.host.common.file_models import FileTable, Name, NotNegative, read_model
+from steptwin.host.common.file_models import FileTable, read_model
+from steptwin.host.common.file_values import Name, NotNegative
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import toml_table

@@ -18,7 +18,8 @@ from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.features.faults.requests import Identifier, by_name, whole_number
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_models import FileTable, Within
+from steptwin.host.common.file_models import FileTable
+from steptwin.host.common.file_values import Within
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.robot_boards import RobotBoards
 from steptwin.protocol.cia402 import State

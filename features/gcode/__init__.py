@@ -1,20 +1,15 @@
 """G-code for tool paths: blocks, modal words, and cuts without a stop; the step `gcode` of programs."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Final
+from typing import Any, Final
 
 from steptwin.host.common.features import Feature
 
-if TYPE_CHECKING:
-    from steptwin.host.planning.programs.program_file import StepReading
 
+def _program_steps() -> Mapping[str, Any]:
+    from steptwin.features.gcode.gcode_step import GcodeTable
 
-def _program_steps() -> "Mapping[str, StepReading]":
-    from steptwin.features.gcode.cut_runs import SUFFIXES
-    from steptwin.features.gcode.gcode_step import GCODE_KEYS, GcodeStep
-    from steptwin.host.planning.programs.program_file import StepReading
-
-    return {"gcode": StepReading(GCODE_KEYS, GcodeStep.read, SUFFIXES)}
+    return {"gcode": GcodeTable}
 
 
 FEATURE: Final = Feature(name="gcode", needs=("fastest",), program_steps=_program_steps)

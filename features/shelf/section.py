@@ -7,12 +7,12 @@ box moves only with the hand's magnet or gripper. A robot may have spots without
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from reprlib import repr as short
 from typing import Annotated, Any, Final
 
 from steptwin.host.common.bad_input import prefixed, require_positive, unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_models import FileReading, FileTable, Within, check_limits
+from steptwin.host.common.file_models import FileReading, FileTable
+from steptwin.host.common.file_values import Within, check_limits
 from steptwin.host.common.findings import Findings, check_all, judged
 from steptwin.host.robots.board_settings import Input, Output
 from steptwin.host.robots.box import Box
@@ -156,15 +156,6 @@ def _check(key: str, what: str, name: str, known: Mapping[str, object]) -> None:
 
 _DRAWERS: Final = ("lock", "travel_mm", "opening_mm", "arm_radius_mm", "slots")
 """Keys of a shelf with drawers."""
-
-
-def read_slots(names: Sequence[object]) -> tuple[str, ...]:
-    """Return the slots that a program leaves open; raise InputError for elements that are not texts."""
-    if strange := [
-        f"leaves_open[{i}]: {short(name)} is not a text" for i, name in enumerate(names) if type(name) is not str
-    ]:
-        raise InputError(*strange)
-    return tuple(map(str, names))
 
 
 def check_slots(robot: Robot, slots: Sequence[str]) -> None:

@@ -4,7 +4,7 @@ The core imports no feature and knows none by name. Where a feature may add some
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -21,12 +21,11 @@ if TYPE_CHECKING:
     from steptwin.host.cli.arguments import CheckedFile
     from steptwin.host.common.errors import BusError
     from steptwin.host.common.findings import Findings
-    from steptwin.host.common.tables import Reading, Table
+    from steptwin.host.common.tables import Table
     from steptwin.host.planning.drives import DriveLimits
     from steptwin.host.planning.jobs.job import Job
     from steptwin.host.planning.motions.whole import MotionTimer
     from steptwin.host.planning.plan import HighestSpeed, Plan
-    from steptwin.host.planning.programs.program_file import StepReading
     from steptwin.host.planning.trajectory import Trajectory
     from steptwin.host.robots.kinematics.kinds import Kind
     from steptwin.host.robots.robot import Robot
@@ -272,8 +271,8 @@ class Feature:
         section: returns the model of its table of a robot file: a `FileTable` that is a `RobotSection`.
         robot_tables: returns tables that belong to the file of a robot that StepTwin brings, by the robot's name.
         timer: returns what times motions as a whole: those with `law = "fastest"` or `blend_mm`.
-        program_steps: returns what reads its steps of program files, by their verbs.
-        program_keys: reads its keys of program files; the values become the trajectory's `expects`.
+        program_steps: returns the models of its steps of program files, `StepTable`s, by their verbs.
+        program_keys: returns the types of its keys of program files; the values become the trajectory's `expects`.
         check_program: raises InputError for such a value, by its key, that a robot cannot fulfil.
         kinematics: returns its kinds of mechanisms, by name; one that has the name of another kind replaces it.
         jobs: returns its jobs, by the kind of mechanism; one that has the name of another job replaces it.
@@ -316,8 +315,8 @@ class Feature:
     section: Callable[[], type[Any]] | None = None
     robot_tables: Callable[[str], str] | None = None
     timer: "Callable[[], MotionTimer] | None" = None
-    program_steps: "Callable[[], Mapping[str, StepReading]] | None" = None
-    program_keys: "Mapping[str, Reading]" = field(default_factory=dict)
+    program_steps: "Callable[[], Mapping[str, Any]] | None" = None
+    program_keys: Callable[[], Mapping[str, Any]] | None = None
     check_program: "Callable[[Robot, str, Any], None] | None" = None
     kinematics: "Callable[[], Mapping[str, Kind]] | None" = None
     jobs: "Callable[[], Mapping[str, Sequence[Job[Any]]]] | None" = None

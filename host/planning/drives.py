@@ -6,10 +6,12 @@ model (`known_drives`). Without it motions are within the joints' limits, and a 
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from typing import Annotated, Any, Final, Literal, Protocol
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import drive_model
+from steptwin.host.common.file_models import FileTable
+from steptwin.host.common.file_values import Within
 from steptwin.host.robots.robot import Robot
 
 
@@ -85,14 +87,16 @@ def check_drives(drives: DriveLimits | None, *, is_fastest: bool) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class AskedLimits:
-    """Requested limits of a file: motions as fast as the motors can follow, with a torque reserve."""
+class AskedLimits(FileTable):
+    """What a file asks for: motions as fast as the motors manage, with some of their torque left.
 
-    left_percent: float = LEFT_PERCENT
+    Attributes:
+        from_: where the limits come from.
+        left_percent: torque that is left.
+    """
 
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.left_percent <= 90.0:
-            raise InputError(f"{self.left_percent:g} % is not from 0 to 90 %")
+    from_: Literal["motors"]
+    left_percent: Annotated[float, Within(0.0, 90.0, "%")] = LEFT_PERCENT
 
     def drives(self, robot: Robot, make: MakeDrives | None) -> DriveLimits:
         """Return the drives of a robot; raise InputError if `make` is missing."""

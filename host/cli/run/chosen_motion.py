@@ -78,8 +78,10 @@ class MotionOptions:
         from steptwin.host.planning.drives import AskedLimits, known_drives
 
         percent = finite_number(text, f"option {_LEFT}")
+        with prefixed("option "):
+            limits = AskedLimits("motors", percent)
         with prefixed(f"option {_LEFT}: "):
-            return AskedLimits(percent).drives(robot, known_drives())
+            return limits.drives(robot, known_drives())
 
     def factor(self) -> float | None:
         """Return the factor on the motion's duration; None without one, and for `--stretch auto`."""

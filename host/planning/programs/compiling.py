@@ -274,7 +274,7 @@ class _Walk:
                 self._known = self._on_branch = False
         elif self._known:
             self._add(place, step)
-        elif isinstance(step, GoStep) and self._moves.says_everything(step.to):
+        elif isinstance(step, GoStep) and self._moves.says_everything(step.go):
             self._resume(place, step)
         else:
             self._on_branch = self._on_branch and self._keeps_branch(step)
@@ -282,8 +282,8 @@ class _Walk:
     def _keeps_branch(self, step: Step) -> bool:
         """Return whether the arm is on the same branch after a step."""
         match step:
-            case GoStep(to):
-                return not self._moves.says_branch(to)
+            case GoStep(go):
+                return not self._moves.says_branch(go)
             case JointsBy():
                 return False
         return True
@@ -291,18 +291,18 @@ class _Walk:
     def _resume(self, place: Place, step: GoStep) -> None:
         """Continue after a step with an unknown start, if its end is known."""
         try:
-            if self._on_branch or self._moves.says_branch(step.to):
+            if self._on_branch or self._moves.says_branch(step.go):
                 self._stand_after(step)
                 self._check_within(self._moves.composer.joints)
             else:
-                self._moves.check_some_branch(step.to)
+                self._moves.check_some_branch(step.go)
         except InputError as error:
             self.complaints.add(place, step, error)
             self._on_branch = self._known or (self._on_branch and self._keeps_branch(step))
 
     def _add(self, place: Place, step: Step) -> None:
         moves = self._moves
-        if step.pace is None:
+        if not step.moves:
             self._end_flow()
         before, from_s, legs = moves.from_here(), moves.composer.now_s, len(moves.legs or ())
         moves.place = str(place)
@@ -322,7 +322,7 @@ class _Walk:
                 self._gathered.append(_Gathered(place, step, before, has_leg=len(moves.leg_times) > own))
                 self._add_gathered()
             else:
-                part = moves.composer.motion_since(from_s) if step.pace is not None else None
+                part = moves.composer.motion_since(from_s) if step.moves else None
                 notes = (*moves.notes, *map(switching_words, moves.switched))
                 moves.notes, moves.switched = (), ()
                 way: BranchesOnWay = ("", ())

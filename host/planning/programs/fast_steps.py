@@ -16,7 +16,6 @@ from steptwin.host.planning.motions.stretched import least_passing
 from steptwin.host.planning.peaks import Peak, Quantity, TooLongError, sampled, shifted
 from steptwin.host.planning.planner import step_peaks
 from steptwin.host.planning.programs.moves import Moves
-from steptwin.host.planning.programs.paces import StepPace
 from steptwin.host.planning.programs.program import Place
 from steptwin.host.planning.programs.program_file import pass_words
 from steptwin.host.planning.programs.steps import Step
@@ -24,7 +23,7 @@ from steptwin.host.planning.trajectory import DEFAULT_POINT_MS, Trajectory
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
-Check = Callable[[StepPace], None]
+Check = Callable[[Step], None]
 """Checks a step with another pace; raises TooFastError if it is too fast."""
 
 _DIGITS: Final = 3
@@ -92,26 +91,26 @@ _KEYS: Final = {
 }
 
 
-def passing_values(pace: StepPace, names: Iterable[str], error: TooFastError, checks: Iterable[Check]) -> list[str]:
-    """Return passing values, such as `speed_mm_s = 42.1`, each for one key alone; empty if there are none.
+def passing_values(step: Step, names: Iterable[str], error: TooFastError, checks: Iterable[Check]) -> list[str]:
+    """Return the values that pass, such as `speed_mm_s = 42.1`, each by itself; none if no value passes.
 
     Each is the passing value nearest to the step's own, in three digits or whole milliseconds.
 
     Args:
-        pace: pace of the step, which is too fast.
-        names: keys that may be changed.
-        error: refusal of the step at its first place.
-        checks: checks of the step at all of its places in the program, that of `error` first.
+        step: the step, which is too fast.
+        names: its keys that may be changed.
+        error: refusal of the step at the place where it is made first of all.
+        checks: checks of the step at all places of the program where it is made, the one of `error` first.
     """
     places = tuple(checks)
     only_ramps = all(peak.quantity in (Quantity.ACCELERATION, Quantity.AXIS_ACCELERATION) for peak in error.peaks)
     keys = [_KEYS[name] for name in names if only_ramps or not _KEYS[name].of_ramps]
-    values = ((key.name, _passing_value(pace, key, error.least_stretch, places)) for key in keys)
+    values = ((key.name, _passing_value(step, key, error.least_stretch, places)) for key in keys)
     return [f"{name} = {value:.10g}" for name, value in values if value is not None]
 
 
-def _passing_value(pace: StepPace, key: _Key, least_stretch: float, checks: tuple[Check, ...]) -> float | None:
-    own: float = getattr(pace, key.name)
+def _passing_value(step: Step, key: _Key, least_stretch: float, checks: tuple[Check, ...]) -> float | None:
+    own: float = getattr(step, key.name)
     slowest = key.at_least_as_slow(key.made_slower(own, key.reach))
     number = key.at_least_as_fast(own)
     guess = key.at_least_as_slow(key.made_slower(own, least_stretch))
@@ -120,7 +119,7 @@ def _passing_value(pace: StepPace, key: _Key, least_stretch: float, checks: tupl
         def passes(number: int, check: Check = check) -> bool:
             changed: dict[str, Any] = {key.name: key.value(number)}
             try:
-                check(replace(pace, **changed))
+                check(replace(step, **changed))
             except (TooFastError, TooLongError):
                 return False
             return True
@@ -193,19 +192,16 @@ class MadeStep:
             raise self._look.refused
         checks.check_peaks(sorted(self.peaks, key=lambda peak: peak.quantity is Quantity.STEP_RATE))
 
-    def check_pace(self, pace: StepPace) -> None:
+    def check_pace(self, step: Step) -> None:
         """Raise TooFastError if the step is too fast with another pace."""
-        replace(self, part=self._with(pace)).check_speed()
+        moves = self.before.from_here()
+        step.add_to(moves)
+        replace(self, part=moves.composer.motion_since(0.0)).check_speed()
 
     @property
     def situation(self) -> tuple[tuple[float, ...], int]:
         """Place and time of its beginning; equal ones are equally fast."""
         return tuple(self.before.composer.joints.tolist()), self.from_ms % DEFAULT_POINT_MS
-
-    def _with(self, pace: StepPace) -> Trajectory | None:
-        moves = self.before.from_here()
-        replace(self.step, pace=pace).add_to(moves)
-        return moves.composer.motion_since(0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,14 +240,14 @@ def _message(group: list[_FastStep], judged: Mapping[str, int]) -> str:
 
 
 def _advice(step: Step, group: list[_FastStep]) -> str:
-    if step.pace is None:
+    if not step.keys:
         return ""
     worst_first = sorted(group, key=lambda fast: -fast.error.least_stretch)
     different = {fast.made.situation: fast for fast in reversed(worst_first)}
     places = sorted(different.values(), key=lambda fast: -fast.error.least_stretch)
     turns_in_space = not make_kinematics(places[0].made.robot).task.is_flat
-    names = [name for name in step.pace.keys if name != "speed_deg_s" or turns_in_space]
-    values = passing_values(step.pace, names, places[0].error, [fast.made.check_pace for fast in places])
+    names = [name for name in step.keys if name != "speed_deg_s" or turns_in_space]
+    values = passing_values(step, names, places[0].error, [fast.made.check_pace for fast in places])
     if not values:
         return f"no {' and no '.join(names)} alone passes"
     return f"{' or '.join(values)} passes"

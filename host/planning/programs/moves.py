@@ -363,8 +363,8 @@ class Moves:
         self._begin_turn(pace)
         branch, start = self._branch(), self.composer.joints
         goal = self._solve((*turn.start[:3], turn.start[3] + turn.angle_deg), branch)
-        if is_straight_in_joints(self._robot, turn, start, goal):  # a wrist alone, even at a singularity
-            self.go(goal, JointPace(pace.law))
+        if is_straight_in_joints(self._robot, turn, start, goal):  # a wrist alone, also at a singularity
+            self.go(goal, JointPace(law=pace.law))
         else:
             self._move_along(turn, pace, turning_law(self._robot, turn, branch, start, goal, SPEED_PERCENT))
 
@@ -387,16 +387,17 @@ class Moves:
 
     def _beside(self, target: Beside) -> ToolPosition:
         """Return a position beside a named one or beside the present cell, along the axes of the cell's frame."""
-        if target.is_cell:
-            pallet, number = self._pallets[target.of], self.cells.get(target.of)
+        if target.cell:
+            pallet, number = self._pallets[target.cell], self.cells.get(target.cell)
             if number is None:
-                raise InputError(f'cell: {target.of!r} has no present cell: put the step into `each = "{target.of}"`')
+                each = f'each = "{target.cell}"'
+                raise InputError(f"cell: {target.cell!r} has no present cell: put the step into `{each}`")
             base: Position = pallet.cells[number]
             frame = pallet.frame
         else:
-            base, frame = self._position(target.of), STATION_FRAME
+            base, frame = self._position(target.at), STATION_FRAME
         if isinstance(base, JointPosition):
-            raise InputError(f"at: {target.of!r} is a position of the joints; an offset is beside one of the tool")
+            raise InputError(f"at: {target.at!r} is a position of the joints; an offset is beside one of the tool")
         way_mm = frame.turned(np.array([target.offset.get(name, 0.0) for name in PLACE]))
         moved = dict(zip(PLACE, way_mm.tolist(), strict=True)) | {"phi": target.offset.get("phi", 0.0)}
         here = self._task.figures(np.array(self._here())).tolist()

@@ -38,10 +38,10 @@ class Names:
     def target(self, target: Target) -> None:
         """Check a position, an offset from one, or the name of one."""
         if isinstance(target, Beside):
-            if target.is_cell:
-                self.pallet(target.of)
+            if target.cell:
+                self.pallet(target.cell)
             else:
-                self.target(target.of)
+                self.target(target.at)
         elif not isinstance(target, str):
             self.position(target)
         elif self.program.positions.get(target) is None:
@@ -55,11 +55,6 @@ class Names:
             if name not in self.program.pallets and self.program.has_all_names:
                 raise unknown("pallet", name, self.program.pallets)
             raise UnreadError
-
-    def targets(self, *targets: Target) -> None:
-        """Check several positions."""
-        for target in targets:
-            self.target(target)
 
     def position(self, position: Position) -> None:
         """Check the joints or the branch of a position."""
@@ -94,11 +89,6 @@ class Names:
         if self.robot is not None:
             require_output(self.robot, name)
 
-    def outputs_of(self, pace: ToolPace) -> None:
-        """Check the names of outputs that change on the path."""
-        for change in pace.outputs:
-            self.output(change.output)
-
     def input(self, name: str) -> None:
         """Check the name of a digital input."""
         if self.robot is not None:
@@ -131,14 +121,12 @@ class _Checking:
         return replace(program, starts=starts, steps=steps, sequences=self._sequences)
 
     def _check_expected(self, expects: Mapping[str, Any]) -> None:
-        """Check the values of features' keys by the features; without a robot, nothing."""
-        if self._robot is None:
-            return
-        for feature, check in giving("check_program"):
-            for key in feature.program_keys:
-                if key in expects:
+        """Let features judge the values of their keys; without a robot nothing is known of them."""
+        for feature, keys in giving("program_keys"):
+            for key in expects.keys() & keys():
+                if self._robot is not None and feature.check_program is not None:
                     with self._findings.collecting():
-                        check(self._robot, key, expects[key])
+                        feature.check_program(self._robot, key, expects[key])
 
     def _with_checked_positions(self, program: Program) -> Program:
         positions: dict[str, Position | None] = {}
@@ -160,7 +148,7 @@ class _Checking:
         """Check the steps of a sequence once."""
         if name not in self._sequences:
             self._depths[name] = 1
-            steps = self._program.sequences[name]
+            steps = self._program.sequences[name] or ()
             self._sequences[name] = self._steps(steps, f"sequences.{name} step ", (*callers, name))
 
     def _steps(self, steps: tuple[AnyStep, ...], place: str, callers: tuple[str, ...]) -> tuple[AnyStep, ...]:
@@ -181,14 +169,19 @@ class _Checking:
 
     def _single(self, step: Step, place: str) -> AnyStep:
         with self._findings.collecting(f"{place} ({step}): "):
+            for target in step.targets:
+                self._names.target(target)
             step.check(self._names)
+            if isinstance(step, ToolPace):
+                for change in step.outputs:
+                    self._names.output(change.output)
             return step
-        return WrongStep(moves=step.pace is not None)
+        return WrongStep(step.moves)
 
     def _each(self, each: Each, place: str, callers: tuple[str, ...]) -> AnyStep:
         checked = replace(each, steps=self._steps(each.steps, f"{place}.", callers))
         with self._findings.collecting(f"{place}: "):
-            for name in each.pallets:
+            for name in each.each:
                 self._names.pallet(name)
             visited(self._program, checked)
             return checked

@@ -8,16 +8,19 @@ import json
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Any, Final
 
 from steptwin.host.common.bad_input import prefixed, shortened, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, PROGRAM_BYTES_MAX
+from steptwin.host.common.file_models import FileReading, FileTable, read_table, read_toml, table_schema
+from steptwin.host.common.file_values import Choice, ReadBy
+from steptwin.host.common.findings import Part, UnreadError
 from steptwin.host.common.own_files import read_text
-from steptwin.host.common.tables import Table, number_at, toml_table
+from steptwin.host.common.tables import Table, number_at
 from steptwin.host.common.whole_file import whole_file
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.poses import ORIENTATIONS, STEP_NAMES, Orientation
@@ -56,49 +59,55 @@ Position = JointPosition | ToolPosition
 
 
 @dataclass(frozen=True, slots=True)
-class Beside:
-    """A position with an offset from a named one, or from the present cell of a pallet.
+class Beside(FileTable):
+    """A position beside a named one, or beside the present cell of a pallet.
 
     Attributes:
-        of: name of the position or the pallet.
-        offset: offset in mm, and rotation by phi in degrees, by coordinate; along a cell's frame, or the station's
-            axes.
-        is_cell: True for a pallet.
+        at: name of the position.
+        cell: name of the pallet, in place of `at`.
+        offset: distances to it in mm, and turn by phi in degrees; along a cell's frame, or the station's axes.
     """
 
-    of: str
-    offset: Mapping[str, float]
-    is_cell: bool
+    at: str = ""
+    cell: str = ""
+    offset: Mapping[Annotated[str, Choice("", ("x", "y", "z", "phi"))], float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.at and self.cell:
+            raise InputError("at: beside cell; a position is beside one of them")
 
 
 Target = Position | Beside | str
 """A position, an offset from one, or the name of one."""
 
 
-def read_target(table: Table, key: str) -> Target:
-    """Return the position under a key: its name, or a table of joints or of the tool's coordinates."""
-    if isinstance(table.values.get(key), str):
-        return table.text(key, empty=False)
-    if key not in table:
-        raise InputError(f"{key}: is missing")
-    with prefixed(f"{key}: "):
-        target = Table(table.values[key], "name or table")
-        return _read_beside(target) if "cell" in target or "at" in target else read_position(target)
+def read_target(value: object, reading: FileReading) -> Target:
+    """Return a position from its name, or from a table of joints or of the tool's coordinates."""
+    if isinstance(value, str):
+        return value
+    table = Table(value, "name or table")
+    if "cell" not in table and "at" not in table:
+        return read_position(table)
+    beside: Beside = read_table(Beside, value, reading)
+    if isinstance(beside, Part):
+        raise UnreadError
+    return beside
 
 
-_OFFSETS: Final = ("x", "y", "z", "phi")
+def _target_schema() -> dict[str, Any]:
+    return {"oneOf": [{"type": "string"}, position_schema(), table_schema(Beside)]}
 
 
-def _read_beside(table: Table) -> Beside:
-    """Return an offset from a pallet's cell or a named position, from `{ cell = "box", offset = { z = 40.0 } }`."""
-    is_cell, offset = "cell" in table, dict[str, float]()
-    key = "cell" if is_cell else "at"
-    table.check_keys((key, "offset"))
-    if "offset" in table:
-        with table.section("offset") as ways:
-            ways.check_keys(_OFFSETS)
-            offset = {name: ways.number(name) for name in ways}
-    return Beside(table.text(key, empty=False), offset, is_cell)
+def position_schema(**others: Any) -> dict[str, Any]:
+    """Return the JSON schema of a position, with other keys beside those of joints and the tool."""
+    turn = {"type": "array", "items": {"type": "number"}, "description": "orientation of a tool that turns in space"}
+    branch = {"type": "string", "description": "branch of the inverse kinematics"}
+    keys = {"branch": branch, **dict.fromkeys(ORIENTATIONS, turn), **others}
+    return {"type": "object", "properties": keys, "additionalProperties": {"type": "number"}}
+
+
+AnyTarget = Annotated[Target, ReadBy(read_target, _target_schema)]
+"""A target as a file has it."""
 
 
 def read_position(table: Table) -> Position:
@@ -132,7 +141,23 @@ def _read_orientation(table: Table) -> Orientation | None:
     return Orientation(keys[0], tuple(values))
 
 
-_KEYS: Final = ("title", "robot", "positions")
+@dataclass(frozen=True, slots=True)
+class PositionsFile(FileTable):
+    """Positions of a robot.
+
+    Attributes:
+        title: one line about them.
+        robot: name of the robot for which they were saved.
+        positions: the positions by name.
+    """
+
+    title: str = ""
+    robot: str | None = None
+    positions: Mapping[
+        str, Annotated[Position, ReadBy(lambda value, _: read_position(Table(value, "table")), position_schema)]
+    ] = field(default_factory=dict)
+
+
 _NAME: Final = re.compile(rf"[A-Za-z0-9_-]{{1,{NAME_CHARS_MAX}}}")
 """A name without quotes, as a bare key of TOML."""
 _HEADER: Final = re.compile(r"\s*\[\s*positions\s*\]\s*(#.*)?")
@@ -194,30 +219,17 @@ def delete_position(path: str, robot: Robot, name: str) -> None:
     _write(path, robot, name, "".join(lines if at is None else lines[:at] + lines[at + 1 :]), wanted)
 
 
-def read_any_positions(path: str) -> tuple[str | None, dict[str, Position]]:
-    """Return the name of the robot that a file names, and its positions; raise InputError, with the file, if wrong."""
+def read_any_positions(path: str) -> PositionsFile:
+    """Return the content of a file of positions; raise InputError, with the file, if it is wrong."""
     with prefixed(f"{path}: "):
-        return _parse_any(read_text(path, PROGRAM_BYTES_MAX))
+        return read_toml(PositionsFile, read_text(path, PROGRAM_BYTES_MAX))
 
 
 def _parse(text: str, robot: Robot) -> dict[str, Position]:
-    owner, positions = _parse_any(text)
-    if owner not in (None, robot.name):
-        raise InputError(f"robot: the positions are for {owner}, not for {robot.name}")
-    return positions
-
-
-def _parse_any(text: str) -> tuple[str | None, dict[str, Position]]:
-    table = toml_table(text)
-    table.check_keys(_KEYS)
-    owner = table.optional("robot", table.text)
-    positions: dict[str, Position] = {}
-    if "positions" in table:
-        with table.section("positions") as named:
-            for name in named:
-                with prefixed(f"{name}: "):
-                    positions[name] = read_position(Table(named.values[name], "table"))
-    return owner, positions
+    file = read_toml(PositionsFile, text)
+    if file.robot not in (None, robot.name):
+        raise InputError(f"robot: the positions are for {file.robot}, not for {robot.name}")
+    return dict(file.positions)
 
 
 def _new_text(robot: Robot) -> str:

@@ -3,15 +3,18 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Annotated, Any, Final, NamedTuple
 
 from steptwin.host.common.bad_input import nearest, prefixed, unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import giving
+from steptwin.host.common.file_values import OneOf, ReadBy, Rows, Within
+from steptwin.host.common.findings import Part
 from steptwin.host.common.own_files import is_file
 from steptwin.host.planning.drives import AskedLimits
 from steptwin.host.planning.programs.pallets import Cells, Pallet, cell_numbers
 from steptwin.host.planning.programs.positions import Position, Target
-from steptwin.host.planning.programs.steps import Step
+from steptwin.host.planning.programs.steps import VERBS, Step, StepTable
 from steptwin.host.robots import SUFFIX, load_robot, load_robot_file, robot_names
 from steptwin.host.robots.robot import Robot
 
@@ -20,33 +23,53 @@ STEPS_MAX: Final = 5_000
 
 
 @dataclass(frozen=True, slots=True)
-class Repeat:
-    """Repeated steps."""
-
-    times: int
-    steps: tuple["AnyStep", ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Each:
-    """Steps for each cell of a pallet, or of several with equal numbers of cells.
+class Repeat(StepTable):
+    """Steps that are made several times.
 
     Attributes:
-        pallets: names of the pallets.
-        cells: the cells to visit, such as `3..7`; None for all.
+        repeat: how many times.
         steps: the steps.
     """
 
-    pallets: tuple[str, ...]
-    cells: str | None
-    steps: tuple["AnyStep", ...]
+    repeat: Annotated[int, Within(1, 10_000)]
+    steps: "Steps"
+
+
+def _read_pallets(value: object, _: object) -> tuple[str, ...]:
+    names = [value] if isinstance(value, str) else value
+    if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
+        raise InputError("is the name of a pallet, or a list of names")
+    return tuple(names)
+
+
+def _pallets_schema() -> dict[str, Any]:
+    return {"oneOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]}
 
 
 @dataclass(frozen=True, slots=True)
-class Call:
-    """The steps of a named sequence."""
+class Each(StepTable):
+    """Steps that are made for each cell of a pallet, or of several with as many cells at once.
 
-    sequence: str
+    Attributes:
+        each: name of the pallet, or names of pallets.
+        steps: the steps.
+        cells: the cells to visit, such as `3..7`; without it all.
+    """
+
+    each: Annotated[tuple[str, ...], ReadBy(_read_pallets, _pallets_schema)]
+    steps: "Steps"
+    cells: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Call(StepTable):
+    """The steps of a named sequence.
+
+    Attributes:
+        call: name of the sequence.
+    """
+
+    call: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +82,23 @@ class WrongStep:
 
     moves: bool
 
+    @classmethod
+    def if_wrong(cls, step: Any) -> Any:
+        """Return a step that has been read, or what stands for it if it could not be read as a whole."""
+        return cls(getattr(step, "moves", True)) if step is None or isinstance(step, Part) else step
 
-AnyStep = Step | Repeat | Each | Call | WrongStep
+
+def step_models() -> dict[str, Any]:
+    """Return the models of all steps, also those of features, by their verbs."""
+    of_features = {verb: model for _, given in giving("program_steps") for verb, model in given().items()}
+    return {**VERBS, "call": Call, **of_features, "repeat": Repeat, "each": Each}
+
+
+_OTHER_WORDS: Final = dict.fromkeys(("wait_s", "pause_s", "sleep", "delay", "dwell"), "pause")
+"""Words that authors write for a verb."""
+
+AnyStep = Annotated[Step | Repeat | Each | Call | WrongStep, OneOf("step", step_models, _OTHER_WORDS)]
+Steps = Annotated[tuple[AnyStep, ...], Rows("step", STEPS_MAX, WrongStep.if_wrong)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +183,7 @@ def _written(program: Program, steps: tuple[AnyStep, ...], above: Place, cells: 
                 for number in range(1, times + 1):
                     passes = (*above.passes, number) if times > 1 else above.passes
                     yield from _written(program, repeated, inner._replace(passes=passes), cells)
-            case Each(pallets, _, repeated):
+            case Each(pallets, repeated):
                 first = visited(program, step)
                 for number in first:
                     pallet = program.pallets[pallets[0]]
@@ -163,12 +201,12 @@ def visited(program: Program, each: Each) -> range:
 
     The pallets must exist.
     """
-    counts = {name: len(pallet.cells) for name in each.pallets if (pallet := program.pallets[name])}
+    counts = {name: len(pallet.cells) for name in each.each if (pallet := program.pallets[name])}
     if len(set(counts.values())) > 1:
         words = " and ".join(f"{name} has {count}" for name, count in counts.items())
         raise InputError(f"each: pallets that are visited at once have as many cells: {words}")
     count = min(counts.values(), default=0)
-    return range(count) if each.cells is None else cell_numbers(each.cells, each.pallets[0], count)
+    return range(count) if each.cells is None else cell_numbers(each.cells, each.each[0], count)
 
 
 def load_own_robot(program: Program) -> Robot:

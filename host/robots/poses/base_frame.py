@@ -6,7 +6,8 @@ from typing import Annotated, Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.common.file_models import FileTable, Within, check_limits
+from steptwin.host.common.file_models import FileTable
+from steptwin.host.common.file_values import Within
 
 PLACE_MAX_MM: Final = 100_000.0
 """Farthest place of a base along each axis: 100 m."""
@@ -32,9 +33,6 @@ class BaseFrame(FileTable):
     y_mm: _Place = 0.0
     z_mm: _Place = 0.0
     phi_deg: Annotated[float, Within(-TURN_MAX_DEG, TURN_MAX_DEG, "deg")] = 0.0
-
-    def __post_init__(self) -> None:
-        check_limits(self)
 
     @property
     def matrix(self) -> FloatArray:
