@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from steptwin.host.twin.machine.emulated_machine import EmulatedMachine
     from steptwin.host.twin.machine.machine_options import MachineOptions
     from steptwin.host.verify.comparison import Comparison
-    from steptwin.host.verify.figures import ObservedAxis, ReportFigure
+    from steptwin.host.verify.figures import ReportFigure, SeenAxis
     from steptwin.protocol.drivers import DriverProfile
 
 GROUP: Final = "steptwin.features"
@@ -150,6 +150,11 @@ class LiveWords(Protocol):
 
 class DriveModel(Protocol):
     """A feature's model of a machine's drives, in addition to the joints' limits."""
+
+    @property
+    def name(self) -> str:
+        """Key of its results in JSON documents."""
+        ...
 
     def limits(self, robot: "Robot", left_percent: float) -> "DriveLimits":
         """Return the limits of fastest motions that leave `left_percent` of the drives' torque.
@@ -341,7 +346,7 @@ class Feature:
     part: MakePart | None = None
     expected: "Callable[[Robot, Trajectory, Any], Any] | None" = None
     judge: "Callable[[], FeatureJudge] | None" = None
-    figures: "Callable[[], Mapping[str, ReportFigure[ObservedAxis]]] | None" = None
+    figures: "Callable[[], Mapping[str, ReportFigure[SeenAxis]]] | None" = None
     live: Callable[[], LiveWords] | None = None
     drive_model: Callable[[], DriveModel] | None = None
     requests: Callable[[], ControlRequests] | None = None

@@ -127,13 +127,13 @@ def check_program(path: str, text: str, robot_name: str | None, findings: Findin
     compiled = compile_program(program, robot, findings, drives=known_drives())
     advice = _advice(robot, compiled, findings) if compiled.is_whole else ()
     is_foretold = compiled.is_whole and not findings.messages and program.limits is None
-    model = drive_model() if is_foretold else None
-    forecast = None if model is None else model.forecast(robot, compiled.trajectory)
+    model = drive_model()
+    forecast = model.forecast(robot, compiled.trajectory) if model and is_foretold else None
     document = {
         "robot": robot.name,
         "duration_s": compiled.trajectory.duration_s,
         "steps": [_step_document(row) for row in compiled.steps],
-        **({"motors": forecast} if forecast else {}),
+        **({model.name: forecast} if model and forecast else {}),
     }
     waits = ", and its waits for inputs" if compiled.trajectory.waits else ""
     said = (
@@ -196,7 +196,7 @@ def _print_steps(steps: "Sequence[StepRow]") -> None:
 
 
 def _step_document(row: "StepRow") -> dict[str, Any]:
-    speed, acceleration = _highest(row)
+    model, (speed, acceleration) = drive_model(), _highest(row)
     return {
         "number": row.place.number,
         "pass": list(row.place.passes),
@@ -207,7 +207,7 @@ def _step_document(row: "StepRow") -> dict[str, Any]:
         "acceleration_percent": acceleration.percent if acceleration else 0.0,
         **({"branch_changes": [{"t_s": t_s, "branch": name} for t_s, name in row.changes]} if row.changes else {}),
         **({"notes": list(row.notes)} if row.notes else {}),
-        **({"motors": row.drives.to_dict()} if row.drives else {}),
+        **({model.name: row.drives.to_dict()} if model and row.drives else {}),
     }
 
 
