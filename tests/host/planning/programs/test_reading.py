@@ -110,7 +110,7 @@ def test_everything_that_is_wrong_is_found_at_once() -> None:
         ('go = "a"\nline = "a"', "a step has exactly one of "),
         ('go = { at = "a", offset = { zed = 1 } }', "go.offset: 'zed' is unknown: there are x, y, z, phi"),
         ('go = { at = "a", cell = "b" }', "go.at: beside cell; a position is beside one of them"),
-        ('line = { cell = 3 }\nspeed_mm_s = 3', "line.cell: 3 is not a text"),
+        ("line = { cell = 3 }\nspeed_mm_s = 3", "line.cell: 3 is not a text"),
         ('through = ["a", 3]\nspeed_mm_s = 3', "through[1]: 3 is not a name or table"),
         ('line = "a"\nspeed_mm_s = 3\noutputs = [{ at_mm = 1 }]', "outputs[0]: names 0 outputs; one change is such"),
         ('go = "a"\nblend_mm = 1\nlaw = "cubic"', "law: 'cubic' beside blend_mm; a motion that flows on is timed as"),
