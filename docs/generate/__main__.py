@@ -4,6 +4,7 @@ from docs.generate.command_line import COMMAND_LINE_PAGE, render_command_line
 from docs.generate.conform_page import CONFORM_PAGE
 from docs.generate.drawer_pull_film import write_drawer_pull_film
 from docs.generate.driver_page import DRIVER_PAGE, write_driver_pictures
+from docs.generate.gcode_page import GCODE_PAGE
 from docs.generate.machine_pages import (
     CONTROL_PORT_PAGE,
     FAULTS_PAGE,
@@ -34,6 +35,7 @@ def main() -> None:
     DRIVER_PAGE.write()
     write_driver_pictures()
     FAULTS_PAGE.write()
+    GCODE_PAGE.write()
     MACHINE_PAGE.write_text(render_machine_options(), encoding="utf-8")
     PROTOCOL_PAGE.write()
     ROBOT_FILES_PAGE.write()

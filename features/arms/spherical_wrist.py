@@ -183,7 +183,7 @@ class SphericalWrist:
         plane = np.stack([self._f, self._g])
         self._upper, self._fore = plane @ (r[2] - r[1]), plane @ (wrist - r[2])
         self.lengths_mm: tuple[float, float] = float(np.linalg.norm(self._upper)), float(np.linalg.norm(self._fore))
-        across = float(_cross(self._upper, self._fore))
+        across = float(self._upper[0] * self._fore[1] - self._upper[1] * self._fore[0])
         self._elbow_rad = float(np.arctan2(-self._k3 * across, self._upper @ self._fore))
         # --- the wrist, in the frame of k4, f4 and g4
         f4 = _unit(k[4] - (k[3] @ k[4]) * k[3])
@@ -393,10 +393,6 @@ def closed_form(axes: ArmAxes, slack: float = _CLAMPED) -> SphericalWrist:
 
 def _unit(vector: FloatArray) -> FloatArray:
     return np.asarray(vector / np.linalg.norm(vector))
-
-
-def _cross(first: FloatArray, second: FloatArray) -> float:
-    return float(first[0] * second[1] - first[1] * second[0])
 
 
 def _turned2(vector: FloatArray, cosine: Column, sine: Column) -> tuple[Column, Column]:

@@ -13,13 +13,17 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import nearest_within, outside, prefixed, unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_limits import MEASUREMENTS_BYTES_MAX, MEASUREMENTS_MAX
+from steptwin.host.common.file_limits import MIB
 from steptwin.host.common.numbers import check_once, fields_of, numbered_lines, numbers_of
 from steptwin.host.common.own_files import opened_text
 from steptwin.host.robots.kinematics.base import LIMIT_TOLERANCE
 from steptwin.host.robots.kinematics.chain import Chain, random_joints
 from steptwin.host.robots.robot import Robot
 
+MEASUREMENTS_MAX: Final = 10_000
+"""Measurements of a calibration: some 50 are usual; the derivatives of so many by 24 parameters take 6 MB."""
+MEASUREMENTS_BYTES_MAX: Final = 16 * MIB
+"""A measurement of eight joints with all digits has 250 bytes."""
 _POSITION: Final = ("x", "y", "z")
 _JOINT_DECIMALS: Final = 3  # joints closer than this are the same pose
 _POSITION_DECIMALS: Final = 6

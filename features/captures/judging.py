@@ -109,8 +109,6 @@ class CapturedRun:
     @property
     def other_law(self) -> bool:
         """Whether each axis goes where the plan goes, turn by turn, but not when: by another speed law."""
-        if self.clock.swapped or self.clock.inverted:
-            return False
         pairs = zip(self.comparison.ideal, self.comparison.evidence.axes, strict=True)
         off = [_runs_off(ideal.signs, axis.step_signs) for ideal, axis in pairs]
         if None in off:
@@ -185,7 +183,8 @@ class CapturedRun:
 
 _OTHER_LAW: Final = (
     "another speed law than planned: each axis counts as planned between its turning points, but at other times."
-    " So what follows tells neither of steps lost nor of the clocks"
+    " So what follows tells neither of steps lost nor of the clocks; --path in place of --plan judges the steps"
+    " at any speed"
 )
 
 
@@ -310,9 +309,13 @@ class AloneRun:
     @property
     def reasons(self) -> tuple[str, ...]:
         """One line for each reason why a driver, or its motor, has not made the steps that STEP asks for."""
-        exchanged = _exchanged(self.signals, self.wiring)
         broken = [str(answer) for answer in self.seen.limits if answer.kept is Kept.BROKEN]
-        return (*exchanged, *broken, *powerless_reasons(self.evidence))
+        return (*self.exchanged, *broken, *powerless_reasons(self.evidence))
+
+    @property
+    def exchanged(self) -> tuple[str, ...]:
+        """One line for each axis whose STEP and DIR look exchanged."""
+        return tuple(_exchanged(self.signals, self.wiring))
 
     @property
     def passed(self) -> bool:

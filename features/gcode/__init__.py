@@ -1,9 +1,12 @@
 """G-code for tool paths: blocks, modal words, and cuts without a stop; the step `gcode` of programs."""
 
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from steptwin.host.common.features import Feature
+
+if TYPE_CHECKING:
+    from steptwin.features.gcode.options import GcodeOptions
 
 
 def _program_steps() -> Mapping[str, Any]:
@@ -12,4 +15,10 @@ def _program_steps() -> Mapping[str, Any]:
     return {"gcode": GcodeTable}
 
 
-FEATURE: Final = Feature(name="gcode", needs=("fastest",), program_steps=_program_steps)
+def _file_options() -> "type[GcodeOptions]":
+    from steptwin.features.gcode.options import GcodeOptions
+
+    return GcodeOptions
+
+
+FEATURE: Final = Feature(name="gcode", needs=("fastest",), program_steps=_program_steps, file_options=_file_options)

@@ -14,9 +14,20 @@ from steptwin.features.fastest.contour import Contour, ContourPath
 from steptwin.features.fastest.executed import TimedPath, UntimedError, timed
 from steptwin.features.fastest.pieces import FollowedPath
 from steptwin.features.fastest.worthwhile_stops import StoppingPath, doubtful, worthwhile
-from steptwin.features.gcode.blocks import GcodeBlock, read_blocks
-from steptwin.features.gcode.cut_runs import SUFFIXES, CutRun, Placing, cut_runs
-from steptwin.features.gcode.modal import CutMove, Dwell, GcodeAction, HomeMove, OutputWord, RapidMove, Spot, actions
+from steptwin.features.gcode.blocks import GcodeBlock, GcodeFile, read_blocks
+from steptwin.features.gcode.cut_runs import CutRun, Placing, cut_runs
+from steptwin.features.gcode.dialects import SUFFIXES, Dialect
+from steptwin.features.gcode.modal import (
+    CornerMode,
+    CutMove,
+    Dwell,
+    GcodeAction,
+    HomeMove,
+    OutputWord,
+    RapidMove,
+    actions,
+)
+from steptwin.features.gcode.origins import Spot
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import prefixed, shortened
 from steptwin.host.common.errors import InputError
@@ -41,6 +52,10 @@ if TYPE_CHECKING:
     from steptwin.features.fastest.contour import Contour
     from steptwin.host.planning.programs.names import Names
 
+PASSES_MM: Final = 0.05
+"""Distance at which a path in a dialect passes its corners where neither file nor step says how."""
+_MERGE_MM: Final = 0.02
+"""Distance within which short lines of such a path are taken for one line."""
 _OUTPUT_KEY: Final = re.compile(r"M[3478]|P(0|[1-9][0-9]{0,2})")
 
 
@@ -50,11 +65,11 @@ class GcodeStep(Step):
 
     Attributes:
         file: the file's name, as the program has it.
-        blocks: its lines.
+        content: what is in it.
         frame: where its coordinates are.
         tool_mm: length of what the robot's tool holds, along the frame's z axis.
         feed_max_mm_s: highest feed; infinite without.
-        blend_mm: rounding of corners of which the file says nothing; 0 stops there.
+        blend_mm: rounding of corners of which the file says nothing; 0 stops there; None for the dialect's usual way.
         outputs: the robot's output for each word.
         speed_percent: part of the joints' limits that G0 uses.
     """
@@ -62,11 +77,11 @@ class GcodeStep(Step):
     moves: ClassVar[bool] = True
 
     file: str
-    blocks: tuple[GcodeBlock, ...] = field(repr=False)
+    content: GcodeFile = field(repr=False)
     frame: WorkFrame
     tool_mm: float
     feed_max_mm_s: float
-    blend_mm: float
+    blend_mm: float | None
     outputs: Mapping[str, str]
     speed_percent: float
 
@@ -93,7 +108,7 @@ class GcodeStep(Step):
             raise InputError(f"{names.robot.name} has no tool to lead")
         if kinematics.task is SCARA and not kinematics.attitude_follows:
             return
-        for block in self.blocks:
+        for block in self.content.blocks:
             for word in ("A", "C"):
                 if word in block.numbers:
                     raise InputError(
@@ -117,26 +132,35 @@ def _output_key(key: str) -> str:
     return key
 
 
+def _words(given: object) -> object:
+    """Return the words of a list, or of one text with commas, as the command line has them."""
+    return [word.strip() for word in given.split(",")] if isinstance(given, str) else given
+
+
 @dataclass(frozen=True, slots=True)
 class GcodeTable(StepTable):
     """Lead the tool as a file of G-code says.
 
     Attributes:
         gcode: the file.
+        dialect: controller for which it was written; without it, words that are the same for all are read.
+        ignore: further words to ignore, and macros.
         frame: name of the frame where its coordinates are.
         tool_mm: length of what the robot's tool holds, along the frame's z axis.
         feed_max_mm_s: highest feed.
-        blend_mm: rounding of corners of which the file says nothing; 0 stops there.
+        blend_mm: rounding of corners of which the file says nothing; 0 stops there, the default without a dialect.
         speed_percent: part of the joints' limits that G0 uses.
         outputs: the robot's output for each word, such as `{ M3 = "glue" }`.
     """
 
     suffixes: ClassVar[tuple[str, ...]] = SUFFIXES
     gcode: str
+    dialect: Dialect | None = None
+    ignore: Annotated[tuple[str, ...], BeforeValidator(_words)] = ()
     frame: AnyFrame = STATION_FRAME
     tool_mm: float = 0.0
     feed_max_mm_s: Positive = np.inf
-    blend_mm: NotNegative = 0.0
+    blend_mm: NotNegative | None = None
     speed_percent: Annotated[float, Within(0.0, 100.0, open=True)] = SPEED_PERCENT
     outputs: Mapping[Annotated[str, BeforeValidator(_output_key)], str] = field(default_factory=dict)
 
@@ -145,10 +169,11 @@ class GcodeTable(StepTable):
         """Return the step; raise InputError, with file, line and word, for what is wrong in the file."""
         table: GcodeTable = judged(cls, values, reading.findings)
         with prefixed(f"{table.gcode}: "):
-            blocks = read_blocks(reading.known.text_of(table.gcode))
-            _check_outputs(blocks, table.outputs)
-        own = (table.tool_mm, table.feed_max_mm_s, table.blend_mm, table.outputs, table.speed_percent)
-        return GcodeStep(table.gcode, blocks, table.frame, *own)
+            content = read_blocks(reading.known.text_of(table.gcode), table.dialect, table.ignore, table.outputs)
+            _check_outputs(content.blocks, table.outputs)
+        blend_mm = 0.0 if table.blend_mm is None and table.dialect is None else table.blend_mm
+        own = (table.tool_mm, table.feed_max_mm_s, blend_mm, table.outputs, table.speed_percent)
+        return GcodeStep(table.gcode, content, table.frame, *own)
 
 
 def _check_outputs(blocks: tuple[GcodeBlock, ...], outputs: Mapping[str, str]) -> None:
@@ -188,7 +213,9 @@ class _Cutting:
     def make(self) -> None:
         moves, placing = self._moves, self._placing
         home = self._kinematics.forward(np.array(self._robot.home)[np.newaxis])[0].tolist()
-        for action in actions(self._step.blocks, self._place, placing.spot(home)):
+        content, step = self._step.content, self._step
+        corner = CornerMode(passes_mm=PASSES_MM, merge_mm=_MERGE_MM) if step.blend_mm is None else CornerMode()
+        for action in actions(content.blocks, self._place, placing.spot(home), content.manners, corner):
             check_planning_time()
             if isinstance(action, CutMove) and self._waits(action):
                 continue
@@ -203,8 +230,9 @@ class _Cutting:
         self._cut()
         moves.leg_times, moves.switched = [], ()
         moves.notes = (
-            f"{len(self._step.blocks)} lines: {_many(self._paths, 'path')} of the tool without a stop,"
+            f"{len(content.blocks)} lines: {_many(self._paths, 'path')} of the tool without a stop,"
             f" {_many(self._corners, 'corner')} rounded, {_many(self._stops, 'stop')} at corners",
+            *content.remarks(),
         )
 
     def _waits(self, move: CutMove) -> bool:
@@ -238,7 +266,7 @@ class _Cutting:
         """Make the moves that wait, without a stop but where corners need it."""
         if not self._waiting:
             return
-        for run in cut_runs(self._waiting, self._placing, self._step.blend_mm):
+        for run in cut_runs(self._waiting, self._placing, self._step.blend_mm or 0.0):
             self._take(run)
         self._waiting.clear()
 

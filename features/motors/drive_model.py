@@ -8,6 +8,7 @@ Pull-out torques, arms and rotors need the emulator, so functions import them wh
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
+from steptwin.features.motors import NAME
 from steptwin.features.motors.limits import motor_forecast, motor_limits
 from steptwin.host.common.errors import StepTwinError
 from steptwin.host.common.planning_time import PlanningTimeError, check_planning_time, in_planning_time, plan_within
@@ -19,6 +20,7 @@ from steptwin.host.robots.robot import Robot
 if TYPE_CHECKING:
     from steptwin.features.motors.turning.after_run import MotionSlip
 
+name: Final = NAME
 LOOK_S: Final = 20.0
 """Processor time to find the highest speed: the rotors of two minutes of a motion turn in it."""
 

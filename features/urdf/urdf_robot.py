@@ -12,7 +12,7 @@ from steptwin.features.urdf.urdf_chain import ChainMove, UrdfChain, chain_of
 from steptwin.features.urdf.urdf_tree import read_urdf
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_limits import URDF_BYTES_MAX
+from steptwin.host.common.file_limits import MIB
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.own_files import read_text
 from steptwin.host.robots import read_robot
@@ -24,6 +24,8 @@ from steptwin.host.robots.new_joint import NewJoint, board_with, read_joint
 from steptwin.host.robots.robot import Dimension
 
 KIND: Final = "chain"
+URDF_BYTES_MAX: Final = 1 * MIB
+"""A link of a URDF with masses, meshes and a joint has some 1 KiB; a robot with two arms and hands has some 100."""
 _RATIO: Final = 20.0
 _LEAD_MM: Final = 8.0
 _MICROSTEPS: Final = 8
@@ -57,7 +59,7 @@ class UrdfSource:
             chain = chain_of(read_urdf(read_text(self.path, URDF_BYTES_MAX)), self.base, self.tip, snap=self.snap)
         with prefixed("--set "):
             joints = _with_settings(tuple(map(_new_joint, chain.moves)), settings)
-            geometry = chain.geometry | _kinematics_keys(settings)
+            geometry = chain.geometry | {key: read(settings[key]) for key, read in _TOLD.items() if key in settings}
         with prefixed(f"{self.path}: "):
             _check_ranges(joints)
             _check_held(geometry)
@@ -96,11 +98,6 @@ def _with_settings(joints: tuple[NewJoint, ...], settings: Mapping[str, str]) ->
             by_name[name] = read_joint(by_name[name], quantity, text)
     findings.raise_first()
     return tuple(by_name.values())
-
-
-def _kinematics_keys(settings: Mapping[str, str]) -> dict[str, Dimension]:
-    """Return the keys of [kinematics] from settings: the tool's task, and the held joints."""
-    return {key: _TOLD[key](settings[key]) for key in _TOLD if key in settings}
 
 
 def _held(text: str) -> list[str]:

@@ -30,7 +30,7 @@ PATH_INSTANTS: Final = 2001
 _EXTENT_INSTANTS: Final = 201
 """Instants of the motion at which the whole arm is examined; the tool's path has PATH_INSTANTS."""
 _COURSE_INSTANTS: Final = 4001
-"""Instants at which the distance of two runs' tools is computed."""
+"""Instants when the distance of two runs' tools is computed."""
 LEAD_S: Final = 1.0
 """Time before the motion's start that the slider covers; steps reach earlier events, such as switching on."""
 

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from steptwin.host.twin.machine.emulated_machine import EmulatedMachine
     from steptwin.host.twin.machine.machine_options import MachineOptions
     from steptwin.host.verify.comparison import Comparison
-    from steptwin.host.verify.figures import ObservedAxis, ReportFigure
+    from steptwin.host.verify.figures import ReportFigure, SeenAxis
     from steptwin.protocol.drivers import DriverProfile
 
 GROUP: Final = "steptwin.features"
@@ -151,6 +151,11 @@ class LiveWords(Protocol):
 class DriveModel(Protocol):
     """A feature's model of a machine's drives, in addition to the joints' limits."""
 
+    @property
+    def name(self) -> str:
+        """Key of its results in JSON documents."""
+        ...
+
     def limits(self, robot: "Robot", left_percent: float) -> "DriveLimits":
         """Return the limits of fastest motions that leave `left_percent` of the drives' torque.
 
@@ -204,6 +209,18 @@ class FileKind(NamedTuple):
     check: "Callable[[str, str, str | None, Findings], CheckedFile]"
     bytes_max: int = PROGRAM_BYTES_MAX
     mark: Pattern[str] | None = None
+
+
+class FileOptions(Protocol):
+    """A feature's options of commands for the files that its steps run: a dataclass."""
+
+    def keys(self, file: str) -> Mapping[str, str]:
+        """Return keys of the step that runs a file, as texts of TOML or without quotation marks.
+
+        Raises:
+            InputError: an option is given for a file of another kind.
+        """
+        ...
 
 
 class Telling(Protocol):
@@ -298,6 +315,7 @@ class Feature:
         schemas: returns what gives the model of each kind of its files, by the kind, for `steptwin schema`.
         run_options: returns a dataclass of options of `steptwin run`: a `RunHook`.
         serve_options: returns a dataclass of options of `steptwin serve`: a `ServedProgram`.
+        file_options: returns a dataclass of options of `steptwin run` and `check`: `FileOptions`.
         verify_options: returns a dataclass of options of `steptwin verify`: an `OtherEvidence`.
         new_options: returns a dataclass of options of `steptwin new`: a `RobotSource`.
         telling: returns what prints its keys of documents.
@@ -328,7 +346,7 @@ class Feature:
     part: MakePart | None = None
     expected: "Callable[[Robot, Trajectory, Any], Any] | None" = None
     judge: "Callable[[], FeatureJudge] | None" = None
-    figures: "Callable[[], Mapping[str, ReportFigure[ObservedAxis]]] | None" = None
+    figures: "Callable[[], Mapping[str, ReportFigure[SeenAxis]]] | None" = None
     live: Callable[[], LiveWords] | None = None
     drive_model: Callable[[], DriveModel] | None = None
     requests: Callable[[], ControlRequests] | None = None
@@ -336,6 +354,7 @@ class Feature:
     schemas: Callable[[], Mapping[str, Callable[[], type[Any]]]] | None = None
     run_options: Callable[[], type[Any]] | None = None
     serve_options: Callable[[], type[Any]] | None = None
+    file_options: Callable[[], type[Any]] | None = None
     verify_options: Callable[[], type[Any]] | None = None
     new_options: Callable[[], type[Any]] | None = None
     telling: Callable[[], Telling] | None = None

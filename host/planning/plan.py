@@ -115,7 +115,8 @@ class Plan:
         lowest = min(found, key=lambda each: each.percent)
         if lowest.percent <= PLANNED_PERCENT:
             return lowest._replace(percent=PLANNED_PERCENT)
-        held = _by_drives(self, lowest.percent)
+        drives = drive_model()
+        held = None if drives is None else drives.highest_speed(self, lowest.percent)
         return lowest if held is None or held.percent >= lowest.percent else held
 
     def until(self, end_ms: int) -> "Plan":
@@ -169,12 +170,6 @@ def highest_speed(plan: Plan) -> HighestSpeed:
     return plan.highest_speed
 
 
-def _by_drives(plan: Plan, percent: int) -> HighestSpeed | None:
-    """Return the highest speed, up to a percentage, that the drives hold; None if they are unknown."""
-    drives = drive_model()
-    return None if drives is None else drives.highest_speed(plan, percent)
-
-
 def _by_peak(peak: Peak) -> int:
     if not peak.value:
         return RATE_PERCENT_MAX
@@ -186,7 +181,7 @@ def _by_peak(peak: Peak) -> int:
 
 
 def _by_step_rate(peak: Peak) -> int:
-    """Return the highest percentage at which the board accepts the fastest record (see `AxisMotion.push_record`)."""
+    """Return the highest percentage with which the board accepts the fastest record (see `AxisMotion.push_record`)."""
     limit_q16 = round(peak.limit * FULL_RATE_Q16 / 1000)
     percent = min(RATE_PERCENT_MAX, floor(100 * peak.limit / peak.value))
     while (

@@ -292,18 +292,13 @@ class Sender(Enum):
 
 def senders_of(frames: Sequence[RecordedFrame], node_ids: Collection[int]) -> list[Sender]:
     """Return the sender of each frame of a recording, for a board with these nodes."""
-    by_identifier = list(_by_identifier(frames, node_ids))
+    identifiers = Identifiers(node_ids)
+    by_identifier = [identifiers.sender_of(recorded.frame) for recorded in frames]
     host_sent = _host_was_recording(frames, by_identifier)
     return [
         sender or (Sender.OTHER if host_sent is not None and frame.sent != host_sent else Sender.HOST)
         for frame, sender in zip(frames, by_identifier, strict=True)
     ]
-
-
-def _by_identifier(frames: Sequence[RecordedFrame], node_ids: Collection[int]) -> Iterable[Sender | None]:
-    """Yield the sender of each frame; None for an identifier without a service."""
-    identifiers = Identifiers(node_ids)
-    return (identifiers.sender_of(recorded.frame) for recorded in frames)
 
 
 class Identifiers:

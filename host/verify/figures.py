@@ -92,7 +92,7 @@ class AxisRun:
 AxisFigure = ReportFigure[AxisRun]
 
 
-class ObservedAxis(NamedTuple):
+class SeenAxis(NamedTuple):
     """An axis, by name, with a feature's evidence of the run; the source of the feature's figures."""
 
     name: str
@@ -329,7 +329,7 @@ def judged_document(feature: str, seen: Any, start_counts: int, axes: Sequence[s
     document = judge_of(feature).document(seen, start_counts)
     if figures := features()[feature].figures:
         of_axis = {key: figure.of for key, figure in figures().items()}
-        document[AXES] = {axis: {key: of(ObservedAxis(axis, seen)) for key, of in of_axis.items()} for axis in axes}
+        document[AXES] = {axis: {key: of(SeenAxis(axis, seen)) for key, of in of_axis.items()} for axis in axes}
     return document
 
 

@@ -14,6 +14,7 @@ from typing import Any, Final
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.programs import SUFFIX
 from steptwin.host.planning.programs.program_file import verb_of_suffix
+from steptwin.host.planning.programs.step_files import step_program
 from steptwin.host.planning.trajectory_file import SUFFIXES
 from steptwin.host.robots.robot import Robot
 
@@ -22,11 +23,6 @@ _VERBS: Final = verb_of_suffix()
 RUNNABLE: Final = (*SUFFIXES, SUFFIX, *_VERBS)
 _KEYS: Final = (*dict.fromkeys(_VERBS.values()), "positions_file")
 """Keys of a program, besides `robot`, that name a file."""
-_STEP: Final = """\
-[[step]]
-{} = {}
-"""
-"""Program that runs such a file unchanged."""
 
 
 def to_run(files: Mapping[str, bytes]) -> str | None:
@@ -56,7 +52,7 @@ def uploaded(name: str, content: bytes, beside: Mapping[str, bytes], robot: Robo
         raise InputError(f"{plain}: a file to run ends in {', '.join(RUNNABLE)}")
     files: dict[str, bytes] = {}
     if ending in _VERBS:
-        files[plain], content, ending = content, _STEP.format(_VERBS[ending], _quoted(plain)).encode(), SUFFIX
+        files[plain], content, ending = content, step_program(plain).encode(), SUFFIX
     elif ending == SUFFIX:
         files = _referred(plain, content, beside, robot)
     with TemporaryDirectory(prefix="steptwin-") as folder:
@@ -145,8 +141,3 @@ def _references(document: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 def _plain(name: str) -> str:
     return PurePosixPath(name).name
-
-
-def _quoted(text: str) -> str:
-    escaped = "".join(each if each.isprintable() and each not in '"\\' else f"\\U{ord(each):08X}" for each in text)
-    return f'"{escaped}"'

@@ -57,7 +57,7 @@ _KINDS: Final[dict[Tone, Literal["positive", "warning", "negative", "info"]]] = 
     "bad": "negative",
 }
 _ONCE_S: Final = 0.5
-"""Time in which the same message is not repeated: an event and a refusal may have the same cause."""
+"""Time before a message may be repeated: an event and a refusal may have the same cause."""
 
 
 @dataclass

@@ -45,7 +45,7 @@ class Request(ABC):
     named: ClassVar[str]
     """Short title of the request; {0} is the request."""
     needs_drives: ClassVar[bool] = True
-    """True if it needs the drives without a fault or an emergency stop."""
+    """True if it is refused during a drive fault or an emergency stop."""
     needs_homed: ClassVar[bool] = False
     """True if it needs all joints homed."""
     jogs: ClassVar[bool] = False

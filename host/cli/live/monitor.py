@@ -77,7 +77,7 @@ def monitor(
                 if live.as_json:
                     documents.append(_document(seen, decoded))
                 else:
-                    say(_line(seen, decoded))
+                    say(f"{seen.time_s:.6f} {seen.cob_id:03X} {decoded.title:9} {decoded.node:8} {decoded.text}")
                 if shown == count:
                     break
         except KeyboardInterrupt:
@@ -163,10 +163,6 @@ def _node_id(text: str, names: dict[int, str]) -> int:
 def _check_positive(option: str, value: float | None) -> None:
     if value is not None and not 0 < value < float("inf"):
         raise InputError(f"{option} {value:g}: is not above 0 and finite")
-
-
-def _line(seen: _Seen, decoded: "Decoded") -> str:
-    return f"{seen.time_s:.6f} {seen.cob_id:03X} {decoded.title:9} {decoded.node:8} {decoded.text}"
 
 
 def _document(seen: _Seen, decoded: "Decoded") -> dict[str, Any]:

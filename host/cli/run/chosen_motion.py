@@ -1,18 +1,18 @@
 """Choose the motion of `steptwin run`: a job, a program or a trajectory file, with its speed."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from steptwin.host.cli.arguments import AnswerOptions, finite_number, positive_number
-from steptwin.host.cli.options import naming_options, option, with_options
+from steptwin.host.cli.options import naming_options, of_features, option, with_options
 from steptwin.host.cli.output import say, warn
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.choices import name_value_pairs
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.features import drive_model
+from steptwin.host.common.features import FileOptions, drive_model
 
 if TYPE_CHECKING:
     from steptwin.host.planning.drives import DriveLimits
@@ -54,13 +54,15 @@ class MotionOptions:
         "NAME=VALUE",
         "Set an option of the job (`steptwin jobs ROBOT` lists them); of a trajectory file: interpolate=spline, linear"
         " or stop, ramps_s=SECONDS, units=rad,m, elbow=right or left, law=fastest; with law=fastest"
-        " left_percent=PERCENT. Repeatable (docs/trajectory-files.md).",
+        " left_percent=PERCENT; of a file that a step of programs runs: a key of the step. Repeatable"
+        " (docs/trajectory-files.md, docs/programs.md).",
         "--option",
         "-o",
     )
     stretch: str | None = option(
         "FACTOR|auto", "Make the motion this many times slower; auto: just as slow as it must be."
     )
+    files: Sequence[FileOptions] = of_features("file_options")
 
     def by_name(self) -> dict[str, str]:
         """Return the options by name; raise InputError for one of another form, or for a repeated one."""
@@ -69,6 +71,10 @@ class MotionOptions:
     def of_job(self) -> dict[str, str]:
         """Return the options of the job or the file; raise as `by_name`."""
         return {name: text for name, text in self.by_name().items() if name != _LEFT}
+
+    def keys(self, file: str) -> dict[str, str]:
+        """Return the keys of the step that runs a file; raise InputError for an option of another kind of file."""
+        return keys_of(self.files, file)
 
     def drives(self, robot: "Robot") -> "DriveLimits | None":
         """Return the drives that limit the motion; None without the option for their remaining torque."""
@@ -86,6 +92,11 @@ class MotionOptions:
     def factor(self) -> float | None:
         """Return the factor on the motion's duration; None without one, and for `--stretch auto`."""
         return None if self.stretch in (None, "auto") else positive_number(self.stretch, "--stretch")
+
+
+def keys_of(files: Sequence[FileOptions], file: str) -> dict[str, str]:
+    """Return the keys, given by the features' options, of the step that runs a file."""
+    return {key: text for options in files for key, text in options.keys(file).items()}
 
 
 AS_PLANNED: Final = MotionOptions(None, None)
@@ -192,6 +203,7 @@ def choose_motion(
     Raises:
         InputError: the robot cannot execute it, or an option is invalid, which the message names.
     """
+    options = {**options, **motion_options.keys(job)}
     trajectory, file, explained, is_foretold = _motion(robot, job, options, motion_options.drives(robot))
     plan = _planned(robot, trajectory, motion_options, explained)
     model = drive_model() if is_foretold else None
@@ -222,12 +234,13 @@ def _motion(robot: "Robot", job: str, options: Mapping[str, str], drives: "Drive
     """Return the motion that a command line names."""
     from steptwin.host.planning.jobs import job_names, make_job
     from steptwin.host.planning.programs import SUFFIX
+    from steptwin.host.planning.programs.step_files import is_step_file
     from steptwin.host.planning.trajectory_file import SUFFIXES, is_trajectory_file
 
     if is_trajectory_file(job):
         file = _read_file(robot, job, options, drives)
         return _Motion(file.trajectory, file, file.explained)
-    if job.endswith(SUFFIX):
+    if job.endswith(SUFFIX) or is_step_file(job):
         if drives is not None:
             raise InputError(f"option {_LEFT}: a program asks itself, by [limits] left_percent (docs/motors.md)")
         return _program(robot, job, options)
@@ -242,14 +255,17 @@ def _motion(robot: "Robot", job: str, options: Mapping[str, str], drives: "Drive
 
 
 def _program(robot: "Robot", path: str, options: Mapping[str, str]) -> _Motion:
+    """Return the motion of a program, or of a file that a step of a program runs."""
     from steptwin.host.planning.drives import known_drives
-    from steptwin.host.planning.programs import compile_program, read_program
+    from steptwin.host.planning.programs import SUFFIX, compile_program, read_program
+    from steptwin.host.planning.programs.step_files import read_step_file, without_step
 
-    if options:
+    is_program = path.endswith(SUFFIX)
+    if options and is_program:
         raise InputError(f"option {next(iter(options))}: a program has no options")
     try:
-        program = read_program(path)
-        with prefixed(f"{path}: "):
+        program = read_program(path) if is_program else read_step_file(path, options)
+        with prefixed(f"{path}: "), nullcontext() if is_program else without_step(Path(path).name):
             compiled = compile_program(program, robot, drives=known_drives())
     except InputError as error:
         if len(error.messages) == 1:
@@ -258,6 +274,7 @@ def _program(robot: "Robot", path: str, options: Mapping[str, str]) -> _Motion:
     for row in compiled.steps:
         drives = () if row.drives is None else (str(row.drives),)
         say(*(f"{path}: {row.place}: {sentence}" for sentence in (*row.passed(), *drives)), err=True)
+        say(*(f"{path}: {note}" for note in row.notes if not is_program), err=True)
 
     @contextmanager
     def explained(stretch: float) -> Iterator[None]:

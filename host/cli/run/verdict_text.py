@@ -54,7 +54,8 @@ def print_report(document: Mapping[str, Any]) -> None:
         )
     if document["simulated"]:
         _print_traffic(document)
-    _print_verdict(document)
+    verdict, *reasons = verdict_words(document)
+    say(f"{document['robot']} {document['job']}: {verdict}", *(f"  {reason}" for reason in reasons))
 
 
 def _print_outputs(outputs: list[dict[str, Any]]) -> None:
@@ -76,11 +77,6 @@ def _print_traffic(document: Mapping[str, Any]) -> None:
     simulated_s, wall_s = document["simulated_s"], document["wall_s"]
     speed = f", {simulated_s / wall_s:.0f} x real time" if wall_s else ""  # a stored report may have 0
     say(f"SIMULATED {simulated_s:.2f} s in {wall_s:.2f} s{speed}")
-
-
-def _print_verdict(document: Mapping[str, Any]) -> None:
-    verdict, *reasons = verdict_words(document)
-    say(f"{document['robot']} {document['job']}: {verdict}", *(f"  {reason}" for reason in reasons))
 
 
 def print_waits(document: Mapping[str, Any]) -> None:

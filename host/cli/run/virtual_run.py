@@ -78,8 +78,11 @@ def run_virtual(answer: AnswerOptions, motion: ChosenMotion, prepared: PreparedR
     if folder is not None:
         what = "report, edges, bus log and pictures" if pictures else "report, edges and bus log"
         answer.add_files(f"{what} are", folder, pictures=pictures)
-    _raise_unless_right(done.outcome)
-    if done.outcome.passed:
+    outcome = done.outcome
+    if outcome.fault and not outcome.verdicts:
+        raise DeviceFaultError(fault_line(outcome.fault.to_dict()))
+    end_unless(outcome.right and not outcome.late_reasons)  # right by the verdicts of features, if there are any
+    if outcome.passed:
         for line in prepared.finish(motion.plan.robot):
             answer.add(line)
 
@@ -172,18 +175,6 @@ def print_missing_extra(wall_s: float) -> None:
     """Print on stderr, after a long run, the missing extra that would make it faster."""
     if wall_s > _LONG_S and not find_spec("numba"):
         say(f"numba makes long runs about twice as fast ({installing('fast')})", err=True)
-
-
-def _raise_unless_right(outcome: "Outcome") -> None:
-    """End the command if the run is not right; verdicts of features take precedence, even if the motion was stopped.
-
-    Raises:
-        DeviceFaultError: a fault has ended the run, without a feature's verdict.
-        Exit: the run is not verified, or a feature has a failed verdict or a later reason.
-    """
-    if outcome.fault and not outcome.verdicts:
-        raise DeviceFaultError(fault_line(outcome.fault.to_dict()))
-    end_unless(outcome.right and not outcome.late_reasons)
 
 
 def _input_change(text: str) -> "InputChange":

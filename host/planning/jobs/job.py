@@ -156,7 +156,7 @@ class Job(Generic[Options]):
 
 
 _CHECKED: Final = 2000
-"""Number of instants at which the joints' limits are checked; the planner checks every millisecond."""
+"""Number of instants when the joints' limits are checked; the planner checks every millisecond."""
 
 
 def _check_limits(robot: Robot, trajectory: Trajectory) -> None:

@@ -15,7 +15,7 @@ from steptwin.host.common.file_limits import PROGRAM_BYTES_MAX, STEP_FILES_BYTES
 from steptwin.host.common.file_models import FileReading, FileTable, read_model
 from steptwin.host.common.file_values import ReadBy
 from steptwin.host.common.findings import Findings
-from steptwin.host.common.own_files import read_text
+from steptwin.host.common.own_files import read_old_text, read_text
 from steptwin.host.common.tables import toml_table
 from steptwin.host.planning.drives import AskedLimits
 from steptwin.host.planning.programs.pallets import Pallet, PalletTable, PlacedPosition, WorkFrame
@@ -83,7 +83,7 @@ class ProgramReading:
     def text_of(self, name: str) -> str:
         """Return the text of a file that a step names; raise InputError if all together are longer than one may be."""
         if self.chars <= STEP_FILES_BYTES_MAX:  # behind that no further file is read
-            text = read_text(str(self.folder / name), STEP_FILES_BYTES_MAX)
+            text = read_old_text(str(self.folder / name), STEP_FILES_BYTES_MAX)
             self.chars += len(text)
             if self.chars <= STEP_FILES_BYTES_MAX:
                 return text

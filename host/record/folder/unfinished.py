@@ -148,7 +148,7 @@ class Mark:
         return MachineStop(self.stopped_counts, self.stopped_by, self.stopped_in_motion) if self.stopped_by else None
 
     def with_stop(self, stop: MachineStop | None) -> "Mark":
-        """Return the mark with a stop of the machine."""
+        """Return a copy of the mark with `stop` as the machine's stop."""
         if stop is None:
             return self
         return replace(self, stopped_counts=stop.counts, stopped_by=stop.by, stopped_in_motion=stop.in_motion)

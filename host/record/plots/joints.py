@@ -56,7 +56,7 @@ def _draw_dir(axes: Axes, comparison: Comparison, i: int) -> None:
 
 
 NEAR: Final = 1.0
-"""Largest distance at which a limit is drawn, relative to the curve's height. A farther one would flatten the curve,
+"""Largest distance of a drawn limit, relative to the curve's height. A farther one would flatten the curve,
 and is a number in the panel's title only.
 """
 

@@ -13,7 +13,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.record.plots.canvas import COUNTED, STYLE, WIDTH_INCHES, save_figure, write_inside
 from steptwin.host.record.plots.in_space import draw_cloud_in_space
 from steptwin.host.record.plots.stick_figure import AT_ENDS, Pen, draw_arm, plane_of
-from steptwin.host.robots.kinematics import ArmPart, make_kinematics
+from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.workspace import MonteCarlo, Scan, orientation_words
 
@@ -81,13 +81,9 @@ def draw_workspace_3d(robot: Robot, cloud: MonteCarlo) -> Figure:
     return figure
 
 
-def _home_links(robot: Robot) -> tuple[ArmPart, ...]:
-    return make_kinematics(robot).links(np.array([robot.home]))
-
-
 def _draw_home(above: Axes, beside: Axes, robot: Robot, scanned: Scan) -> None:
     """Draw the arm at home, from above, and in the plane of the profile: its other side is at negative radii."""
-    links = _home_links(robot)
+    links = make_kinematics(robot).links(np.array([robot.home]))
     draw_arm(above, links, [0], plane_of(0, 1), Pen(AT_ENDS), _HOME)
     azimuth_rad = np.deg2rad(scanned.profile.azimuth_deg)
     upright = np.array([[np.cos(azimuth_rad), 0.0], [np.sin(azimuth_rad), 0.0], [0.0, 1.0]])

@@ -324,17 +324,12 @@ def _schema(kind: SignalKind) -> tuple[str, str, bytes]:
 
 
 def _add(writer: Any, signals: Sequence[Signal], channels: list[int], part: Merged) -> None:
-    instants_ns = _nanoseconds(part.instants)
+    instants_ns: list[int] = NANOSECONDS.rounded(part.instants).tolist()
     texts = np.ascontiguousarray(part.values).view(f"S{part.values.shape[1]}").ravel().tolist()
     quotes = [b'"' if signal.kind is SignalKind.TEXT else b"" for signal in signals]
     for t_ns, which, text in zip(instants_ns, part.which.tolist(), texts, strict=True):
         quote = quotes[which]
         writer.add_message(channels[which], t_ns, b'{"value": ' + quote + text + quote + b"}", t_ns)
-
-
-def _nanoseconds(counts: Int64Array) -> list[int]:
-    instants_ns: list[int] = NANOSECONDS.rounded(counts).tolist()
-    return instants_ns
 
 
 class Format(StrEnum):

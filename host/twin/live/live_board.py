@@ -90,7 +90,7 @@ late; before that they follow in pieces, in the board's spare time.
 """
 
 _OPEN_TICKS: Final = 4
-"""Servo ticks before now in which a driver's count may be incomplete: 1 ms, several times a driver's longest limit."""
+"""Servo ticks before now when a driver's count may be incomplete: 1 ms, several times a driver's longest limit."""
 
 
 class LiveBoard:

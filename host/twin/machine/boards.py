@@ -126,7 +126,7 @@ def board_configs(robot: Robot, options: MachineOptions = AS_FILED) -> list[Boar
                 modules=modules[first : first + axes],
                 first_node_id=FIRST_NODE_ID + first,
                 switches=tuple(_switches(robot, first, first + axes, substeps)),
-                travels=_travels(robot, first, first + axes),
+                travels=tuple(_travel(robot, axis, first, first + axes) for axis in range(first, first + axes)),
                 start_substeps=tuple(start_substeps[first : first + axes]),
                 crystal_ppm=crystal_ppm,
             )
@@ -157,16 +157,8 @@ def _place(robot: Robot, axis: int, substeps: int, position: float) -> int:
     return steps_at(transmission, position / own) * substeps // transmission.microsteps
 
 
-def _travels(robot: Robot, first: int, end: int) -> tuple[Travel, ...]:
-    """Return the travel with the switches at each of a board's axes.
-
-    Raises:
-        InputError: an axis that moves a joint with switches, or the joint's second motor, is on another board.
-    """
-    return tuple(_travel(robot, axis, first, end) for axis in range(first, end))
-
-
 def _travel(robot: Robot, axis: int, first: int, end: int) -> Travel:
+    """Return the travel with an axis' switches; raise InputError if another board has an axis or motor of it."""
     elements, joint = robot.coupling.travel_of(axis), robot.coupling.joint_of(axis)
     per_unit = robot.wire_units_per_unit.tolist()
     for other in {*elements, *robot.coupling.axes_of(joint)}:

@@ -13,8 +13,8 @@ from steptwin.host.common.features import Feature
 from steptwin.host.verify import figures, verify
 from steptwin.host.verify.figures import (
     AxisReport,
-    ObservedAxis,
     ReportFigure,
+    SeenAxis,
     axis_figures,
     clk_high_us_min,
     clk_low_us_min,
@@ -88,7 +88,7 @@ def test_a_figure_is_added_in_one_place(monkeypatch: pytest.MonkeyPatch, capsys:
 def test_a_feature_declares_figures_in_the_same_form(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    turns = ReportFigure[ObservedAxis]("turns", lambda axis: axis.seen[axis.name], heading="turns", form="{:.1f}")
+    turns = ReportFigure[SeenAxis]("turns", lambda axis: axis.seen[axis.name], heading="turns", form="{:.1f}")
     judge = SimpleNamespace(document=lambda _, start_counts: {"since": start_counts})
     worn = Feature(name="worn", judge=lambda: judge, figures=lambda: {"turns": turns})
     monkeypatch.setattr(features, "registered", lambda: ({"worn": worn}, {}))
