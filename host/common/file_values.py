@@ -210,7 +210,7 @@ class TableList:
         if self.what and not value:
             raise wrong(f"has no {self.what}s")
         if len(value) > self.most:
-            raise wrong(f"has {len(value)} {self.what}s; there may be {self.most:g}")
+            raise wrong(f"has {len(value)} {self.what}s, more than {self.most:g}")
 
 
 class OneOf:

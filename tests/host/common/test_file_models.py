@@ -167,7 +167,7 @@ MISTAKES = {
     'name = "main"\n[[step]]\nwait = 1': "step 1: 'wait' is unknown: did you mean stay?",
     'name = "main"\n[[step]]\nrepeat = 2\nsteps = []': "step 1: steps: has no steps",
     'name = "main"\n[[step]]\nrepeat = 2\nsteps = [{ stay = 1 }, { stay = -1 }]': "step 1.2: stay: -1 is negative",
-    'name = "main"\n[[step]]\nrepeat = 2\nsteps = [1, 2, 3, 4]': "step 1: steps: has 4 steps; there may be 3",
+    'name = "main"\n[[step]]\nrepeat = 2\nsteps = [1, 2, 3, 4]': "step 1: steps: has 4 steps, more than 3",
     'name = "main"\n[[step]]\nrepeat = 2\nsteps = { stay = 1 }': "step 1: steps: {'stay': 1} is not a list",
     'name = "main"\nnumbered = { up = [{ stay = 1 }, { stay = -1 }] }': "numbered.up step 2: stay: -1 is negative",
     'name = "main"\nnumbered.up.stay = 1': (
