@@ -26,7 +26,7 @@ from rich.table import Table
 from steptwin.bench import bench_table
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator import simulation
-from steptwin.features.campaigns.campaign import Campaign, JobMotion, MotionChoice, ScenarioChoice
+from steptwin.features.campaigns.campaign import Campaign, JobMotion, ScenarioChoice
 from steptwin.features.campaigns.workers import cluster, run_batch, run_on
 from steptwin.host.common.processes import collect_seldom
 from steptwin.host.planning.jobs import make_job
@@ -220,8 +220,8 @@ def _drawer_pulls() -> Campaign:
         runs=1,
         first_seed=0,
         robots={_ROBOT: load_robot(_ROBOT)},
-        motions=(MotionChoice(JobMotion("pull-line", {}), robots, 1.0),),
-        scenarios=(ScenarioChoice("nothing", {}, robots, 1.0),),
+        motion=(JobMotion("pull-line", robots=robots),),
+        scenario=(ScenarioChoice("nothing", robots=robots),),
         vary={},
         recover=False,
     )

@@ -3,6 +3,7 @@
 Features define further operations as subclasses.
 """
 
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Operation:
+class Operation(ABC):
     """An operation on the boards of a simulation, or on their bus, at an instant."""
 
     once: ClassVar[bool] = False
@@ -37,9 +38,9 @@ class Operation:
     def check(self, simulation: "Simulation", number: int) -> None:
         """Raise an error if the machine lacks the operation's target; the default accepts every machine."""
 
+    @abstractmethod
     def apply(self, simulation: "Simulation", number: int) -> None:
         """Execute it now; `number` is the number of the board, if it acts on a board."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,9 +51,9 @@ class BoardOperation(Operation):
         """Execute it now, on the board of this number."""
         simulation.boards[number].operate(self, simulation.now_counts)
 
+    @abstractmethod
     def apply_to(self, board: "Board", now_counts: int) -> None:
         """Execute it on a board; the firmware reads inputs with the next tick, measured values at once."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True, slots=True)

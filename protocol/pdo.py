@@ -327,7 +327,7 @@ class TransmitPdo:
 
     @property
     def due_us(self) -> int | None:
-        """Next instant at which `poll` has work; None if only an event or a SYNC can trigger it."""
+        """Next instant when `poll` has work; None if only an event or a SYNC can trigger it."""
         if not self.event_driven:
             return None
         if self._wanted:

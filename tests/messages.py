@@ -89,6 +89,7 @@ def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
 
 def _without_places(message: str, item: pytest.Item) -> str:
     """Replace the folders, programs and ports that differ between runs and computers."""
+    message = message.replace(str(PROJECT), "PROJECT")
     folder = getattr(item, "funcargs", {}).get("tmp_path")
     if folder is not None:
         message = message.replace(str(folder), "TMP")

@@ -1,6 +1,7 @@
 """Delete a feature, with its registration and its tests, in a copy of the checkout, and run the tests that are left.
 
-`python -m tests.without NAME [PYTEST'S ARGUMENTS]`; features that need it go with it.
+`python -m tests.without NAME [PYTEST'S ARGUMENTS]`; features that need it go with it. Pages tell of all features, so
+their tests are left out, and with a feature the tests in `USES` that use it beside its own.
 """
 
 import os
@@ -16,6 +17,36 @@ from typing import Final
 from steptwin.host.common.features import GROUP, features
 
 ROOT: Final = Path(__file__).resolve().parents[1]
+PAGES: Final = (
+    "tests/docs",
+    "tests/end_to_end/test_commands.py",
+    "tests/end_to_end/test_docs.py",
+    "tests/end_to_end/test_written_commands.py",
+    "tests/features/papers",
+)
+"""Tests of pages, of all commands and of all jobs."""
+USES: Final = {
+    "shelf": (
+        "tests/end_to_end/test_bad_input.py::test_one_line_and_exit_code_2[job]",
+        "tests/end_to_end/test_bad_input.py::test_one_line_and_exit_code_2[kind of file]",
+        "tests/end_to_end/test_files.py::TestARobotOfOnesOwn::test_may_use_brackets_in_its_names",
+        "tests/end_to_end/test_files.py::TestARobotOfOnesOwn::test_that_cannot_do_the_job_says_why[no place]",
+        "tests/end_to_end/test_stored_runs.py::TestPlot::test_without_matplotlib",
+        "tests/features/arms/test_tool_step.py",
+        "tests/features/fastest/test_again.py",
+        "tests/features/view/test_extent.py",
+        "tests/host/planning/jobs/test_options.py",
+        "tests/host/planning/jobs/test_other_sizes.py",
+        "tests/host/planning/jobs/test_pull_line.py::TestOptions",
+        "tests/host/record/folder/test_digests.py",
+        "tests/host/record/folder/test_folder.py",
+        "tests/host/record/folder/test_verify_folder.py",
+        "tests/host/record/test_recorded_machine.py",
+        "tests/host/robots/kinematics/test_on_base.py::TestRobotFile::test_a_shelf_is_not_turned",
+        "tests/host/robots/test_robot_files.py::TestMistakesInAFile::test_an_error_names_its_key[top]",
+    ),
+}
+"""Tests outside a feature's folder that use the feature: its jobs, its tables of a robot file, its options."""
 
 
 def gone_with(name: str) -> list[str]:
@@ -70,6 +101,8 @@ def run_in(copy: Path, *words: str) -> subprocess.CompletedProcess[str]:
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as made:
         without = copy_without(sys.argv[1], Path(made))
-        done = run_in(without, "-m", "pytest", "-q", "-p", "no:cacheprovider", *sys.argv[2:])
+        users = [test for each in gone_with(sys.argv[1]) for test in USES.get(each, ())]
+        left_out = [f"--deselect={test}" if "::" in test else f"--ignore={test}" for test in (*PAGES, *users)]
+        done = run_in(without, "-m", "pytest", "-q", "-p", "no:cacheprovider", *left_out, *sys.argv[2:])
         sys.stdout.write(done.stdout + done.stderr)
         sys.exit(done.returncode)

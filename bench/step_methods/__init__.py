@@ -115,7 +115,7 @@ class PinTimes(NamedTuple):
 
 
 Place = Callable[[Int64Array, Int64Array, Int64Array], None]
-"""Fills a row for each axis: of CLK rises, of DIR edges as 2 * counts + level, and of the numbers of both."""
+"""Fills three arrays, a row for each axis: CLK rises, DIR edges as 2 * counts + level, and the numbers of both."""
 
 
 def place_with(place: Place, motion: PlannedMotion) -> PlacedPulses:

@@ -160,7 +160,7 @@ class ProfilePosition(DriveMode):
         self._acknowledged = False
         self._halted = False
         self._settled_us: int | None = None
-        """Instant at which bit 10 rises if the axis stays in the position window; None once it has risen."""
+        """Instant when bit 10 rises if the axis stays in the position window; None once it has risen."""
 
     @property
     def due_us(self) -> int | None:

@@ -54,7 +54,7 @@ class AxisNode:
         self.pins: AxisPins = context.pins
         self._motion = context.motion
         self._clock_zero_us = 0
-        """Instant at which the high resolution time stamp (1013h) was 0."""
+        """Instant when the high resolution time stamp (1013h) was 0."""
         self._statusword = 0
         self._sdo = SdoServer(self.dictionary)
         self._heartbeat = HeartbeatProducer()

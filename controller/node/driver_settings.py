@@ -47,7 +47,7 @@ class DriverSettings:
         self._records = records
         self._idle = False
         self.due_us: int | None = None
-        """Instant at which the torque is lowered at standstill; None if it is lowered already, or in motion."""
+        """Instant when the torque is lowered at standstill; None if it is lowered already, or in motion."""
         context.dictionary.bind(self)
 
     def change_at(self, address: int, value: int) -> None:

@@ -246,7 +246,7 @@ class Firmware:
 
     @property
     def next_due_counts(self) -> int | None:
-        """Next instant at which the board has work without a frame or an input."""
+        """Next instant when the board has work without a frame or an input."""
         due_counts = self.due_counts
         if not self.motion.events:
             return due_counts

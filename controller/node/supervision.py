@@ -32,7 +32,7 @@ class Supervision:
         self._trip = context.trip
         self._reference = context.reference
         self._off_window_us: int | None = None
-        """Instant at which the following error left its window; None while it is within."""
+        """Instant when the following error left its window; None while it is within."""
         self._watches_limits = self._watches_following = False
         self.inputs: DigitalInput = DigitalInput(0)
         """Present input levels of the axis."""

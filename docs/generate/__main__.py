@@ -1,8 +1,10 @@
 """Write the generated pages of docs/ again: `python -m docs.generate`."""
 
 from docs.generate.command_line import COMMAND_LINE_PAGE, render_command_line
+from docs.generate.conform_page import CONFORM_PAGE
 from docs.generate.drawer_pull_film import write_drawer_pull_film
 from docs.generate.driver_page import DRIVER_PAGE, write_driver_pictures
+from docs.generate.gcode_page import GCODE_PAGE
 from docs.generate.machine_pages import (
     CONTROL_PORT_PAGE,
     FAULTS_PAGE,
@@ -28,10 +30,12 @@ from docs.generate.runs import Runs
 def main() -> None:
     """Write each page before its pictures: rendering docs/robots.md makes the runs that they show."""
     COMMAND_LINE_PAGE.write_text(render_command_line(), encoding="utf-8")
+    CONFORM_PAGE.write()
     CONTROL_PORT_PAGE.write()
     DRIVER_PAGE.write()
     write_driver_pictures()
     FAULTS_PAGE.write()
+    GCODE_PAGE.write()
     MACHINE_PAGE.write_text(render_machine_options(), encoding="utf-8")
     PROTOCOL_PAGE.write()
     ROBOT_FILES_PAGE.write()

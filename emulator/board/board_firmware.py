@@ -125,12 +125,12 @@ class BoardFirmware(Protocol):
 
     @property
     def due_counts(self) -> int | None:
-        """Next instant at which the firmware has work without a frame, input or motion event; None for never."""
+        """Next instant when the firmware has work without a frame, input or motion event; None for never."""
         ...
 
     @property
     def next_due_counts(self) -> int | None:
-        """Next instant at which the firmware has work without a frame or input; None for never."""
+        """Next instant when the firmware has work without a frame or input; None for never."""
         ...
 
     def boot(self, now_counts: int) -> None:

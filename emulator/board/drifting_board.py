@@ -151,6 +151,6 @@ class DriftingBoard(Board):
         return self._clock.instant(super().computed_counts)
 
     def next_tick_counts(self, now_counts: int) -> int:
-        """Return the first instant after now at which the board has begun its next servo tick."""
+        """Return the first instant after now when the board has begun its next servo tick."""
         tick = self._clock.local_counts(now_counts) // TICK_COUNTS + 1
         return self._clock.instant(tick * TICK_COUNTS)

@@ -1,7 +1,7 @@
-"""Inputs of a board: their levels, and the ticks at which the firmware must read them.
+"""Inputs of a board: their levels, and the ticks when the firmware must read them.
 
 The firmware reads its inputs at the start of each servo tick. Because pulses are computed many ticks at a time, this
-module determines the next tick at which an input can change. A switch at a distance of d steps keeps its level until
+module determines the next tick when an input can change. A switch at a distance of d steps keeps its level until
 the driver has received d more pulses. Two bounds apply: the driver's highest step rate, and the running segment of the
 firmware, which makes no step before it crosses the next threshold. The travel of a step depends on the driver's mode,
 which changes only at standstill; it is read at each start.
@@ -45,7 +45,7 @@ class Bouncer:
         return bisect_right(self._turns, now_counts) % 2 == 1
 
     def next_tick(self, tick: int) -> int | None:
-        """Return the next tick after `tick` at which the input may change; None if the bounce is over."""
+        """Return the next tick after `tick` when the input may change; None if the bounce is over."""
         if not self._turns or self._turns[-1] <= tick * TICK_COUNTS:
             return None
         turn = self._turns[bisect_right(self._turns, tick * TICK_COUNTS)]

@@ -152,7 +152,7 @@ class CanController:
                 without delay) there is no overrun.
             on_sent: called with each sent frame of this station and the instant.
             on_bus_off: called at bus-off, like the interrupt BOFF.
-            in_order: True to send mailboxes in the order in which they were filled (TXFP = 1), not by identifier.
+            in_order: True to send mailboxes in the order of filling (TXFP = 1), not by identifier.
         """
         self.errors: FaultConfinement = FaultConfinement()
         self.state: ErrorState = ErrorState.ACTIVE
@@ -160,7 +160,7 @@ class CanController:
         """True while the station sends, receives and acknowledges; False in bus-off."""
         self.read_latency_counts = read_latency_counts
         self.mailboxes: list[Frame] = []
-        """Frames that wait for the bus, in the order in which they will be sent.
+        """Frames that wait for the bus, in the order of sending.
 
         All identifiers differ. If two mailboxes had the same one, bxCAN would send the lower mailbox first, which may
         hold the newer frame. So a frame waits in the queue until no mailbox has its identifier."""

@@ -83,7 +83,7 @@ class _InForce:
 
 
 class FiltersInForce:
-    """The active filters of a bus, tried in the order in which they began, and their strikes."""
+    """The active filters of a bus, tried in the order of their beginning, and their strikes."""
 
     def __init__(self) -> None:
         """Begin without filters; `reseed` sets the seed of random strikes."""

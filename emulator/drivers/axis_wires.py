@@ -101,7 +101,7 @@ Condition = WireState | Noise
 
 
 class _Line:
-    """One wire: converts the instants at which the board's pin toggles to those of the terminal."""
+    """One wire: converts the instants when the board's pin toggles to those of the terminal."""
 
     def __init__(self, level: int, open_level: int) -> None:
         self.pin_level = self.level = level

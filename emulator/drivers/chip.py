@@ -342,7 +342,7 @@ class DriverChip:
         }
 
     def _protect(self, counts: int) -> None:
-        """Update the protections with the conditions from an instant on."""
+        """Pass the present conditions to the protections; they hold from an instant on."""
         supplied = bool(self._wiring.supplied(self._levels))
         powered = {Rule.OVER_CURRENT: supplied and bool(self._levels["ENABLE"]), Rule.OVER_VOLTAGE: supplied}
         for rule in self._protection.trip(counts, powered, self._freed):

@@ -21,7 +21,7 @@ from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
 from steptwin.protocol.drivers import ActiveEdge
 
 SUPPLIES = (Rail.VDD, Rail.VM)
-"""The drivers' supplies, in the order in which the board switches them on."""
+"""The drivers' supplies, in the order of switching on."""
 
 _FIRST_OFF = (Pin.ENABLE, Pin.RESET)
 """Pins that fall before all others at power-down, because M1 and M2 may change in reset only."""
@@ -63,7 +63,7 @@ class AxisTrace:
     position_full_steps: float
     """Position of the rotor since power-up."""
     slip_counts: Int64Array
-    """Instants at which the rotor slipped."""
+    """Instants when the rotor slipped."""
     slip_full_steps: Int64Array
     """Signed full steps of each slip."""
 

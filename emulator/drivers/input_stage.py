@@ -142,7 +142,7 @@ class InputStage:
         self._rises, self._falls = NO_COUNTS, NO_COUNTS
         """Edges of the undecided pulses; the last pulse may not have ended."""
         self._unended = self._unended_at_chip = False
-        """True if the last decided pulse has not ended; True if its rise has been passed to the chip."""
+        """Two flags: the last decided pulse has not ended; and its rise has been passed to the chip."""
         self._last_fall_counts = _LONG_AGO
         self._dir_counts, self._dir_levels = NO_COUNTS, NO_LEVELS
         self._dir_before = 0

@@ -172,7 +172,7 @@ class ChipOutputs:
         return Origin(levels, field, (shut_down or [self._origin.shut_down])[-1], from_counts)
 
     def instants(self) -> Int64Array:
-        """Return the sorted instants at which an output may change; between them none changes.
+        """Return the sorted instants when an output may change; between them none changes.
 
         An instant before the origin's `from_counts`, reported late, is moved to `from_counts`.
         """

@@ -58,7 +58,7 @@ class Junction:
         self._turn(counts)
 
     def release(self, counts: int, *, on: bool) -> None:
-        """Let a shutdown end, from an instant on, as soon as the junction is cool enough, or not."""
+        """Set whether, from an instant on, a shutdown ends when the junction is cool enough."""
         self._reach(counts)
         self._released = on
         self._turn(counts)

@@ -136,7 +136,7 @@ class LiveLoop:
             live.work(self.now_ns)
 
     def _wake_ns(self) -> int:
-        """Return the next known instant at which the loop has work."""
+        """Return the next known instant when the loop has work."""
         now_ns = self.now_ns()
         wake_ns = min(self.live.wake_ns(now_ns), now_ns + _SLEEP_MAX_NS)
         return min(wake_ns, self._timers[0][0]) if self._timers else wake_ns

@@ -287,7 +287,7 @@ class LiveSimulation:
             watch.work()
 
     def wake_ns(self, now_ns: int) -> int:
-        """Return the next known instant at which `advance` or `work` has work."""
+        """Return the next known instant when `advance` or `work` has work."""
         due_ns, watch = self.due_ns, self.simulation.rotor_watch
         if watch is None:
             return due_ns
@@ -301,7 +301,7 @@ class LiveSimulation:
 
     @property
     def due_ns(self) -> int:
-        """Next known instant at which `advance` has work."""
+        """Next known instant when `advance` has work."""
         now_counts = self.simulation.now_counts
         due_counts = _FAR_COUNTS
         if self.moving:  # a tick is simulated at its start

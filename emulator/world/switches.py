@@ -1,4 +1,4 @@
-"""Switches along an axis: positions at which they are closed, and distance to the next change.
+"""Switches along an axis: positions where they are closed, and distance to the next change.
 
 Positions are those of the rotor, in the driver's substeps from the machine's true zero. Every step is a whole number of
 substeps in any mode of the driver. The firmware does not know these positions; homing finds them. The switches of a
@@ -20,8 +20,8 @@ class Switch:
     Attributes:
         axis: number of the axis on the board.
         input: input of the axis to which it is wired.
-        from_substeps: lowest position at which it closes; None for no lower end.
-        to_substeps: highest position at which it closes; None for no upper end.
+        from_substeps: lowest position where it closes; None for no lower end.
+        to_substeps: highest position where it closes; None for no upper end.
         hysteresis_substeps: distance beyond the range at which it opens again.
 
     Raises:

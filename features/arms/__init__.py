@@ -1,4 +1,4 @@
-"""Six-axis arms: the branches of spherical wrists in closed form, and those of wrists that are nearly spherical."""
+"""Six-axis arms: branches of spherical wrists in closed form, and those of nearly spherical wrists."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final

@@ -1,11 +1,12 @@
-"""Arms of six rotary joints whose wrist's axes miss one point: the eight branches of a neighbour lead to theirs.
+"""Arms of six rotary joints whose wrist axes miss one point: solve them from a neighbour's eight branches.
 
 The neighbour is the same arm with axes 4, 5 and 6 shifted until they meet, and axis 3 turned parallel to axis 2. It has
-a closed form N. The arm's own tool is at A(q) = N(q) C(q), where C hardly changes with q, so that
+a closed form N. The arm's own tool is at A(q) = N(q) C(q); C hardly changes with q. So the iteration
 
     X_0 = T        q_i = N^-1(X_i) on one branch        X_i+1 = X_i A(q_i)^-1 T
 
-comes nearer to the pose T by about the miss as a part of the arm's size with each round. Newton's method does the rest.
+converges to the pose T. Each round reduces the error by about the ratio of the miss to the arm's size. Newton's method
+ends it.
 """
 
 from collections.abc import Sequence
@@ -31,23 +32,23 @@ from steptwin.host.robots.kinematics.serial.screws import Screws
 from steptwin.host.robots.poses.rotations import angle_deg, product, reversed_rotation, turned, wrapped_deg
 
 MISS_PART_MAX: Final = 0.15
-"""Part of the arm's size by which the wrist's axes may miss one point: the rounds still come nearer."""
+"""Largest miss of the wrist's axes as a fraction of the arm's size; the iteration still converges."""
 _TILT_MAX: Final = 0.05
-"""Sine of the angle by which axis 3 may be turned from axis 2."""
+"""Sine of the largest angle between axes 2 and 3."""
 _CROSSED_LEAST: Final = 0.1
-"""Sine of the angle that neighbouring axes of the wrist have at least: otherwise there is no point where they meet."""
+"""Sine of the least angle between neighbouring axes of the wrist; below it they meet in no point."""
 _ROUNDS: Final = 4
 _SLACK: Final = 10.0
-"""Part of its size by which the neighbour may be out of reach, in misses: the arm itself may reach what it does not."""
+"""Distance out of the neighbour's reach that is tried, in misses; the arm itself may reach further."""
 _THERE: Final = 1e-3
-"""Distance in mm and degrees from a pose up to which joints stand there."""
+"""Distance in mm and degrees within which joints count as being at a pose."""
 _SAME_DEG: Final = 1e-4
-"""Distance of all joints below which two solutions are one."""
+"""Distance of all joints below which two solutions are the same."""
 
 
 @lru_cache(maxsize=16)
 def neighbour_of(axes: ArmAxes, size_mm: float) -> SphericalWrist | None:
-    """Return the closed form of the arm whose wrist's axes meet in a point; None for an arm without one."""
+    """Return the closed form of the arm with wrist axes moved to one point; None for an arm without one."""
     if len(axes.slides) != 6 or any(axes.slides):
         return None
     k = axes.directions
@@ -67,7 +68,7 @@ def neighbour_of(axes: ArmAxes, size_mm: float) -> SphericalWrist | None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OffsetWrist:
-    """The inverse of an arm whose neighbour has a closed form.
+    """Inverse of an arm with a neighbour in closed form.
 
     Attributes:
         form: the neighbour.
@@ -82,15 +83,15 @@ class OffsetWrist:
     def find(
         self, names: Sequence[str], poses: FloatArray, local: FloatArray, standing: FloatArray
     ) -> list[tuple[str, Solved, Found]]:
-        """Return, for each branch by its name, the neighbour's own solutions, and the joints of the arm.
+        """Return, for each branch by name, the neighbour's solutions and the joints of the arm.
 
-        Joints that have a pose already are what their branch has, also near a singularity, where a start may mislead.
-        Joints that are not found, or that stand for another one of the branches, are NaN.
+        If the present joints have the pose already, they are the solution of their branch, even near a singularity,
+        where an iteration may go astray. Joints that are not found, or that belong to another of the branches, are NaN.
 
         Args:
             names: names of branches.
             poses: shape (n, 7).
-            local: the same in the base's frame, as if the joints that are held were at 0.
+            local: the poses in the base's frame with all held joints at 0.
             standing: shape (n, joints), the present joints.
         """
         free = list(self.numeric.free)
@@ -101,18 +102,18 @@ class OffsetWrist:
             starts = self._starts(neighbours, local, name, standing[:, free])
             starts[present == name] = standing[present == name][:, free]
             found.append(self._refined(poses, standing, starts))
-        for each, stands in zip(found, _told_apart(self.form, names, found, free), strict=True):
+        for each, stands in zip(found, _of_own_branch(self.form, names, found, free), strict=True):
             each.joints[~stands] = np.nan
         return list(zip(names, solved, found, strict=True))
 
     def _stand_at(self, poses: FloatArray, standing: FloatArray) -> BoolArray:
-        """Return, of shape (n,), whether the present joints have the pose already."""
+        """Return, of shape (n,), whether the present joints already have the pose."""
         present = self.numeric.screws.forward(standing)
         off_mm, off_deg = np.abs(present[:, :3] - poses[:, :3]).max(axis=1), angle_deg(present[:, 3:], poses[:, 3:])
         return np.asarray((off_mm < _THERE) & (off_deg < _THERE))
 
     def _starts(self, own: Solved, local: FloatArray, name: str, near: FloatArray) -> FloatArray:
-        """Return joints near the arm's, of shape (n, 6), in degrees, from the neighbour's; NaN where it has none."""
+        """Return starts near the arm's joints, of shape (n, 6), in degrees, from the neighbour's; NaN without any."""
         joints, wanted, solved = np.rad2deg(own.joints), local, own
         every = np.zeros((len(local), len(self.numeric.slides)))
         for _ in range(_ROUNDS):
@@ -127,7 +128,7 @@ class OffsetWrist:
         return np.asarray(joints)
 
     def _refined(self, poses: FloatArray, standing: FloatArray, starts: FloatArray) -> Found:
-        """Return the joints to which starts of the free ones, of shape (n, 6), lead; NaN where they lead nowhere."""
+        """Return the solutions from starts of the free joints, of shape (n, 6); NaN where the iteration fails."""
         joints, some = standing.copy(), np.isfinite(starts[:, 0])
         joints[:, self.numeric.free] = starts
         off_mm, off_deg = np.full((2, len(poses)), np.nan)
@@ -137,11 +138,11 @@ class OffsetWrist:
         return found
 
 
-def _told_apart(form: SphericalWrist, names: Sequence[str], found: Sequence[Found], free: list[int]) -> BoolArray:
-    """Return, of shape (branches, n), which solutions stand for their branch.
+def _of_own_branch(form: SphericalWrist, names: Sequence[str], found: Sequence[Found], free: list[int]) -> BoolArray:
+    """Return, of shape (branches, n), which solutions belong to their branch.
 
-    Where branches meet several starts lead to one solution. It counts once: for the branch whose name its own shape
-    has, or else for the first.
+    Where branches meet, several starts give one solution. It counts once, for the branch that its own shape names, or
+    else for the first.
     """
     joints = np.stack([each.joints[:, free] for each in found])
     own = np.array([form.names_of(np.deg2rad(each)) for each in joints]) == np.array(names)[:, np.newaxis]

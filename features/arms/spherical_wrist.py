@@ -1,7 +1,7 @@
-"""The closed form of arms of six rotary joints with axis 2 parallel to axis 3 and axes 4, 5 and 6 through a point.
+"""Closed form of arms of six rotary joints with axis 2 parallel to axis 3 and axes 4, 5 and 6 through a point.
 
-It works straight from the axes at zero, with any offsets; no DH parameters, no conventions of signs. D is the motion of
-the tool from zero to its pose, E_i the rotation about axis k_i by q_i, w the wrist's point, at zero w_0:
+It uses the axes at zero, with any offsets, without DH parameters or sign conventions. D is the motion of the tool from
+zero to its pose, E_i the rotation about axis k_i by q_i, and w the wrist's point, w_0 at zero:
 
     D w_0 = E1 E2 E3 w_0 = w                      the wrist's axes do not move w_0
     k2 . Rot(-k1, q1) (w - r1) = k2 . (w_0 - r1)  turns about k2 and k3 keep the part along them: two q1
@@ -28,37 +28,38 @@ from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.robots.kinematics.serial.chain_geometry import ArmAxes
 
 MISS_MAX_MM: Final = 1e-4
-"""Distance by which the wrist's axes may miss each other: the rounding of angles in files."""
+"""Largest miss of the wrist's axes: the rounding of angles in files."""
 TILT_MAX: Final = 1e-7
-"""Sine of the angle by which axes 2 and 3 may not be parallel, or the wrist's neighbours may be."""
+"""Sine of the largest angle between axes 2 and 3, and of the least angle between neighbouring axes of the wrist."""
 
 NAMES: Final = tuple(
     f"{shoulder}-{elbow}-{wrist}"
     for shoulder, elbow, wrist in product(("front", "rear"), ("up", "down"), ("noflip", "flip"))
 )
-"""The names of the branches: the side of axis 1 on which the wrist is, the side of the line from shoulder to wrist on
-which the elbow is, and the sign of the angle between axes 4 and 6."""
+"""Names of the branches: the side of axis 1 with the wrist, the side of the line from shoulder to wrist with the elbow,
+and the sign of the angle between axes 4 and 6.
+"""
 
 _FREE_MM: Final = 1e-9
 """Distance of the wrist from axis 1 below which q1 is free."""
 _FREE: Final = 1e-6
 """Sine of the angle between axes 4 and 6 below which q4 is free: only its sum with q6 has an effect."""
 _CLAMPED: Final = 1e-12
-"""Part by which rounding may lead beyond the stretched arm."""
+"""Largest overshoot beyond the stretched arm that counts as rounding."""
 
 Signs = tuple[Column | float, Column | float, Column | float]
-"""The signs of q1, q3 and q5's equations: numbers, or columns of shape (n,)."""
+"""Signs in the equations of q1, q3 and q5: numbers, or columns of shape (n,)."""
 
 
 def wrist_miss_mm(axes: ArmAxes) -> float:
-    """Return by how much axes 4 and 6 miss axis 5, or each other on it: the largest of the three distances."""
+    """Return the miss of the wrist's axes: the largest distance between axes 4, 5 and 6."""
     (before, on_five), (behind, on_five_too) = (nearest_points(axes, i, 4) for i in (3, 5))
     pairs = ((before, on_five), (behind, on_five_too), (on_five, on_five_too))
     return max(float(np.linalg.norm(first - second)) for first, second in pairs)
 
 
 def nearest_points(axes: ArmAxes, first: int, second: int) -> tuple[FloatArray, FloatArray]:
-    """Return the points on two axes, which are not parallel, that are nearest to each other."""
+    """Return the nearest points of two axes that are not parallel."""
     lines = np.stack([axes.directions[first], -axes.directions[second]], axis=1)
     between = axes.points_mm[second] - axes.points_mm[first]
     along = np.linalg.lstsq(lines, between, rcond=None)[0]
@@ -67,7 +68,7 @@ def nearest_points(axes: ArmAxes, first: int, second: int) -> tuple[FloatArray, 
 
 
 def why_not(axes: ArmAxes) -> str:
-    """Return why an arm has no such closed form, in a few words; an empty text if it has."""
+    """Return why an arm has no such closed form, as text; empty if it has."""
     if len(axes.slides) != 6 or any(axes.slides):
         return "it takes six rotary joints"
     directions = axes.directions
@@ -80,12 +81,12 @@ def why_not(axes: ArmAxes) -> str:
 
 
 class Reach(NamedTuple):
-    """How far the equations are from having no solution, each of shape (n,).
+    """Margin of each equation until it has no solution, arrays of shape (n,).
 
     Attributes:
         axis_mm: distance of the wrist from axis 1.
         shoulder_mm: distance of the wrist from axis 2, NaN where q1 has no solution.
-        beside: cosine of the angle between axes 4 and 6 that is asked for, from -1 to 1.
+        beside: required cosine of the angle between axes 4 and 6, from -1 to 1.
     """
 
     axis_mm: FloatArray
@@ -98,9 +99,9 @@ class Solved:
     """One branch.
 
     Attributes:
-        joints: shape (n, 6), in rad, NaN where there are none.
-        reach: how far the arm reaches.
-        is_free: shape (n,), true where q4 is free: only its sum with q6, or its difference, has an effect.
+        joints: shape (n, 6), in rad, NaN without a solution.
+        reach: margins of the equations.
+        is_free: shape (n,), True where q4 is free: only its sum with q6, or its difference, has an effect.
     """
 
     joints: FloatArray
@@ -108,33 +109,33 @@ class Solved:
     is_free: BoolArray
 
     def cut(self, end: int) -> "Solved":
-        """Return the solutions of the first poses."""
+        """Return the solutions of the first `end` poses."""
         return Solved(self.joints[:end], Reach(*(values[:end] for values in self.reach)), self.is_free[:end])
 
     @classmethod
     def joined(cls, parts: Sequence["Solved"]) -> "Solved":
-        """Return the solutions of all parts in a row."""
+        """Return the solutions of all parts, concatenated."""
         reach = (np.concatenate(values) for values in zip(*(part.reach for part in parts), strict=True))
         joints, free = (np.concatenate([getattr(part, name) for part in parts]) for name in ("joints", "is_free"))
         return cls(joints, Reach(*reach), free)
 
 
 class _Shoulder(NamedTuple):
-    """What follows from q1."""
+    """Quantities that depend on q1."""
 
     q1: Column
     cosine: Column
     sine: Column
     ahead: Column
-    """The wrist from axis 2, across k2, along f; `up` along g."""
+    """The wrist from axis 2, across k2: component along f; `up` is the one along g."""
     up: Column
     six: Vectors
-    """R06 k6, turned back by q1; `side` R06 x6."""
+    """R06 k6 turned back by q1; `side` is R06 x6."""
     side: Vectors
 
 
 class _Elbow(NamedTuple):
-    """What follows from q2 and q3: k6 and x6 seen from link 3, along k4 and across it."""
+    """Quantities that depend on q2 and q3: k6 and x6 seen from link 3, along k4 and across it."""
 
     q2: Column
     q3: Column
@@ -143,7 +144,7 @@ class _Elbow(NamedTuple):
 
 
 class _Wrist(NamedTuple):
-    """What follows from q4, q5 and q6."""
+    """Quantities that depend on q4, q5 and q6."""
 
     q4: Column
     q5: Column
@@ -153,11 +154,11 @@ class _Wrist(NamedTuple):
 
 
 class SphericalWrist:
-    """The closed form of one arm; made by `closed_form`.
+    """Closed form of one arm; made by `closed_form`.
 
     Args:
-        axes: the arm's axes at zero, for which `why_not` says nothing.
-        slack: part by which poses may be out of reach: they have the joints of the edge.
+        axes: the arm's axes at zero; `why_not` must be empty for them.
+        slack: relative distance out of reach that still gives the joints of the edge.
     """
 
     def __init__(self, axes: ArmAxes, slack: float = _CLAMPED) -> None:
@@ -182,7 +183,7 @@ class SphericalWrist:
         plane = np.stack([self._f, self._g])
         self._upper, self._fore = plane @ (r[2] - r[1]), plane @ (wrist - r[2])
         self.lengths_mm: tuple[float, float] = float(np.linalg.norm(self._upper)), float(np.linalg.norm(self._fore))
-        across = float(_cross(self._upper, self._fore))
+        across = float(self._upper[0] * self._fore[1] - self._upper[1] * self._fore[0])
         self._elbow_rad = float(np.arctan2(-self._k3 * across, self._upper @ self._fore))
         # --- the wrist, in the frame of k4, f4 and g4
         f4 = _unit(k[4] - (k[3] @ k[4]) * k[3])
@@ -192,16 +193,16 @@ class SphericalWrist:
         a5, b5, c5 = self._six[0]
         self._wrist_rad, self._wrist_size, self._wrist_rest = float(np.arctan2(b5, a5)), float(np.hypot(a5, b5)), c5
         self.is_square: bool = abs(self._wrist_rest) < _CLAMPED and abs(self._wrist_size - 1.0) < _CLAMPED
-        """True if axis 5 is square to both neighbours: then an angle near 0 is known to the last digit."""
+        """True if axis 5 is square to both neighbours; then an angle near 0 is exact to the last digit."""
         self.rates: WristRates = WristRates(axes, wrist)
-        """How fast the joints are for a velocity of the tool."""
+        """Speeds of the joints for a velocity of the tool."""
         self.signs: dict[str, tuple[float, float, float]] = {}
         self._name_branches(r, k)
 
     # --- names
 
     def _name_branches(self, r: FloatArray, k: FloatArray) -> None:
-        """Find the signs of each name: the signs of q1, q3 and q5 decide on the arm's shape, whatever the pose."""
+        """Find the signs of each name: the signs of q1, q3 and q5 determine the arm's shape at every pose."""
         to_second = r[1] - r[0]
         ahead = to_second - (to_second @ k[0]) * k[0]
         ahead -= (ahead @ k[1]) * k[1]
@@ -212,7 +213,7 @@ class SphericalWrist:
             self.signs[f"{shoulder}-{up}-{'noflip' if s5 > 0.0 else 'flip'}"] = (s1, s3, s5)
 
     def signs_of(self, joints: FloatArray) -> Signs:
-        """Return the signs of the branch on which joints of shape (n, 6), in rad, are, each of shape (n,)."""
+        """Return the signs of the branch of joints of shape (n, 6), in rad; each of shape (n,)."""
         q3, q5 = joints[:, 2], joints[:, 4]
         return (
             np.where(self._ahead_mm(joints) >= 0.0, 1.0, -1.0),
@@ -221,18 +222,19 @@ class SphericalWrist:
         )
 
     def names_of(self, joints: FloatArray) -> list[str]:
-        """Return the names of the branches on which joints of shape (n, 6), in rad, are."""
+        """Return the branch names of joints of shape (n, 6), in rad."""
         names = {signs: name for name, signs in self.signs.items()}
         return [names[s1, s3, s5] for s1, s3, s5 in np.column_stack(self.signs_of(joints)).tolist()]
 
     def name_of(self, joints: FloatArray) -> str:
-        """Return the name of the branch on which joints of shape (6,), in rad, are."""
+        """Return the branch name of joints of shape (6,), in rad."""
         return self.names_of(joints[np.newaxis])[0]
 
     def measures(self, joints: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return how far joints of shape (n, 6), in rad, are from what is singular, each of shape (n,), 0 there.
+        """Return the distances of joints of shape (n, 6), in rad, from singularities, each of shape (n,), 0 at one.
 
-        The wrist's distance from axis 1 across the arm's plane as a part of the reach; the sines of elbow and wrist.
+        They are the wrist's distance from axis 1 across the arm's plane as a fraction of the reach, and the sines of
+        elbow and wrist.
         """
         return (
             np.abs(self._ahead_mm(joints)) / sum(self.lengths_mm),
@@ -252,7 +254,7 @@ class SphericalWrist:
     def solve(self, poses: FloatArray, signs: Signs, near: FloatArray | None) -> Solved:
         """Return one branch for poses of shape (n, 7) in the base's frame.
 
-        Where q1 or q4 is free it is that of `near`, of shape (6,) or (n, 6), in rad, by default 0.
+        A free q1 or q4 is taken from `near`, of shape (6,) or (n, 6), in rad, by default 0.
         """
         wrist, six, side = self._targets(poses)
         s1, s3, s5 = signs
@@ -261,7 +263,7 @@ class SphericalWrist:
         return self._solved(shoulder, elbow, self._wrist(elbow, s5, near), axis_mm, shoulder_mm, shoulder_ok)
 
     def solve_all(self, poses: FloatArray, near: FloatArray | None) -> dict[str, Solved]:
-        """Return every branch by its name; what branches share is computed once."""
+        """Return every branch by name; shared results are computed once."""
         targets = self._targets(poses)
         found: dict[tuple[float, float, float], Solved] = {}
         for s1 in (1.0, -1.0):
@@ -362,7 +364,7 @@ class SphericalWrist:
     def _seen(
         self, rows: Sequence[Sequence[float]], c5: Column, s5: Column, c4: Column, s4: Column, side: Vectors
     ) -> Column:
-        """Return the part of R36 x6 along a vector that q5 and q4 have turned."""
+        """Return the component of R36 x6 along a vector that q5 and q4 have turned."""
         along, across, beside = (_at(row, c5, s5) for row in rows)
         return along * side.x + (c4 * across - s4 * beside) * side.y + (s4 * across + c4 * beside) * side.z
 
@@ -385,7 +387,7 @@ class SphericalWrist:
 
 @lru_cache(maxsize=16)
 def closed_form(axes: ArmAxes, slack: float = _CLAMPED) -> SphericalWrist:
-    """Return the closed form of an arm for which `why_not` says nothing."""
+    """Return the closed form of an arm with an empty `why_not`."""
     return SphericalWrist(axes, slack)
 
 
@@ -393,18 +395,14 @@ def _unit(vector: FloatArray) -> FloatArray:
     return np.asarray(vector / np.linalg.norm(vector))
 
 
-def _cross(first: FloatArray, second: FloatArray) -> float:
-    return float(first[0] * second[1] - first[1] * second[0])
-
-
 def _turned2(vector: FloatArray, cosine: Column, sine: Column) -> tuple[Column, Column]:
-    """Return a constant vector of the plane after turns."""
+    """Return a constant vector of the plane after rotations."""
     x, y = constant(vector)
     return x * cosine - y * sine, x * sine + y * cosine
 
 
 def _turning(basis: FloatArray, axis: FloatArray, vector: FloatArray) -> list[tuple[float, ...]]:
-    """Return, for each vector of a basis, the weights of cos q, sin q and 1 in Rot(axis, q) vector along it."""
+    """Return, for each vector of a basis, the weights of cos q, sin q and 1 in its component of Rot(axis, q) vector."""
     along = (axis @ vector) * axis
     return [constant(np.array([row @ (vector - along), row @ np.cross(axis, vector), row @ along])) for row in basis]
 

@@ -1,20 +1,20 @@
-"""The speeds of the joints of an arm with a spherical wrist, in closed form.
+"""Joint speeds of an arm with a spherical wrist, in closed form.
 
-Axes 4, 5 and 6 pass through the wrist's point w, so they do not move it: its velocity is that of axes 1 to 3 alone, and
-what these leave of the tool's turning is the wrist's. Seen from link 1, where k2 and k3 are parallel:
+Axes 4, 5 and 6 pass through the wrist's point w and do not move it. So its velocity comes from axes 1 to 3 alone, and
+the wrist turns the rest of the tool's rotation. Seen from link 1, where k2 and k3 are parallel:
 
     v . k2 = q1' (k1 x (w - r1)) . k2                              axes 2 and 3 move w across k2 only
     v - q1' k1 x (w - r1) = q2' k2 x (w - r2) + q3' k3 x (w - r3)  two equations in the plane across k2
 
-and seen from link 4, with the turning u that is left, k5 in the plane of k4 and f4, and n = Rot(k5, q5) k6:
+and seen from link 4, with the remaining rotation u, k5 in the plane of k4 and f4, and n = Rot(k5, q5) k6:
 
     u = q4' k4 + q5' k5 + q6' n                                    first along g4, then along f4, then along k4
 
-Source: D. L. Pieper, "The kinematics of manipulators under computer control", Stanford 1968: arm and wrist are solved
-one after the other, and so are their velocities.
+Source: D. L. Pieper, "The kinematics of manipulators under computer control", Stanford 1968: arm and wrist, and their
+velocities, are solved one after the other.
 
-Vectors are three columns of numbers. Arms' axes mostly lie along the axes of their base, so a product with a constant
-vector leaves out its zeros, and takes a third of the time of a product of arrays of shape (n, 3).
+Vectors are three columns of numbers. The axes of most arms lie along those of their base, so products with constant
+vectors skip zeros and take a third of the time of arrays of shape (n, 3).
 """
 
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.kinematics.serial.chain_geometry import ArmAxes
 
 Column = FloatArray
-"""A component of vectors, of shape (n,)."""
+"""A component of n vectors, of shape (n,)."""
 
 
 class Vectors(NamedTuple):
@@ -40,12 +40,12 @@ class Vectors(NamedTuple):
 
 
 def constant(vector: FloatArray) -> tuple[float, ...]:
-    """Return a constant vector without the dust of its computation: 6e-17 in place of 0 would cost time."""
+    """Return a constant vector without rounding errors: 6e-17 in place of 0 would cost time."""
     return tuple((np.round(vector, 15) + 0.0).tolist())
 
 
 def weighted(weights: Sequence[float], values: Sequence[Column]) -> Column:
-    """Return the sum of columns times numbers, without those that are 0."""
+    """Return the weighted sum of columns; zero weights are skipped."""
     terms = [
         value if weight == 1.0 else -value if weight == -1.0 else weight * value
         for weight, value in zip(weights, values, strict=True)
@@ -60,7 +60,7 @@ def mapped(rows: Sequence[Sequence[float]], vectors: Sequence[Column]) -> Vector
 
 
 class ConstantAxis:
-    """Rotations about a constant axis k: Rot v = v_k + c (v - v_k) + s (k x v), v_k being the part of v along k.
+    """Rotations about a constant axis k: Rot v = v_k + c (v - v_k) + s (k x v); v_k is the part of v along k.
 
     Source: O. Rodrigues' formula, K. M. Lynch, F. C. Park, "Modern Robotics", equation 3.51.
     """
@@ -73,7 +73,7 @@ class ConstantAxis:
         self._beside = [constant(row) for row in np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])]
 
     def turned(self, vectors: Vectors, cosine: Column, sine: Column) -> Vectors:
-        """Return vectors after rotations by angles of these cosines and sines, each of shape (n,)."""
+        """Return vectors after rotations by angles with these cosines and sines, each of shape (n,)."""
         parts = ((mapped(rows, vectors), factor) for rows, factor in ((self._across, cosine), (self._beside, sine)))
         (across, c), (beside, s) = parts
         along = mapped(self._along, vectors)
@@ -81,10 +81,10 @@ class ConstantAxis:
 
 
 class WristRates:
-    """The speeds of the joints of one arm; made by `wrist_rates`.
+    """Joint speeds of one arm; made by `wrist_rates`.
 
     Args:
-        axes: the arm's axes at zero, for which `why_not` of the closed form says nothing.
+        axes: the arm's axes at zero; `why_not` of the closed form must be empty for them.
         wrist_mm: shape (3,), the point through which axes 4, 5 and 6 pass, at zero.
     """
 
@@ -107,14 +107,14 @@ class WristRates:
         self._six = _fixed(k[5])
 
     def of(self, joints: FloatArray, moves_mm: FloatArray, turns: FloatArray) -> tuple[FloatArray, Column]:
-        """Return the joints' speeds, of shape (n, 6), in rad/s, and the Jacobian's determinant in mm^3, of shape (n,).
+        """Return joint speeds of shape (n, 6), in rad/s, and the Jacobian's determinant in mm^3, of shape (n,).
 
-        They are not finite where the determinant is 0. All arguments are in the base's frame, of shape (n, columns):
+        Speeds are not finite where the determinant is 0. Arguments are in the base's frame, of shape (n, columns):
 
         Args:
             joints: the six joints in rad.
             moves_mm: the tool's velocity in mm/s.
-            turns: the tool's turning in rad/s.
+            turns: the tool's angular velocity in rad/s.
         """
         cosine, sine = np.cos(joints.T), np.sin(joints.T)
         both = joints[:, 1] + self._k3 * joints[:, 2]
@@ -127,7 +127,7 @@ class WristRates:
         velocity, turning = (
             self._back.turned(Vectors(*np.ascontiguousarray(each.T)), cosine[0], sine[0]) for each in (moves_mm, turns)
         )
-        velocity = _sum(velocity, _cross(hand, turning))  # the wrist is at -hand, seen from the tool
+        velocity = _sum(velocity, _cross(hand, turning))  # the wrist is at -hand from the tool
         around = _cross(self._k1, _sum(self._shoulder, out))
         with np.errstate(divide="ignore", invalid="ignore"):
             q1, q2, q3, arm_det = self._arm_rates(*(self._in_plane(v) for v in (velocity, around, out, fore)))
@@ -138,7 +138,7 @@ class WristRates:
         return np.stack(np.broadcast_arrays(q1, q2, q3, q4, q5, q6), axis=1), arm_det * wrist_det
 
     def _in_plane(self, vectors: Vectors) -> Vectors:
-        """Return the parts of vectors along f, g and k2."""
+        """Return the components of vectors along f, g and k2."""
         return Vectors(*(weighted(row, vectors) for row in self._plane))
 
     def _arm_rates(
@@ -152,7 +152,7 @@ class WristRates:
         return q1, q2, -(u_f * out.x + u_g * out.y) / det, around.z * det
 
     def _wrist_rates(self, left: Vectors, n: Vectors, c4: Column, s4: Column) -> tuple[Column, Column, Column, Column]:
-        """Return the speeds of axes 4 to 6 for a turning that is left to them, and the determinant of their axes."""
+        """Return the speeds of axes 4 to 6 for the remaining rotation, and the determinant of their axes."""
         along, across, beside = (weighted(row, left) for row in self._wrist)
         n_along, n_across, n_beside = (weighted(row, n) for row in self._wrist)
         q6 = (c4 * beside - s4 * across) / n_beside

@@ -1,4 +1,4 @@
-"""`steptwin calibrate ROBOT [FILE]`: the errors that a machine's DH parameters have, and what each of them does."""
+"""`steptwin calibrate ROBOT [FILE]`: find errors of a machine's DH parameters, and print the effect of each."""
 
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
 
 _ROBOT, _FIGURES, _PICTURE = _FILES = ("robot.toml", "calibration.json", "residuals.png")
-"""The files in the folder of --out."""
+"""Files in the folder of --out."""
 _NOISE_MM, _SEED = 0.02, 1
 
 
@@ -83,7 +83,7 @@ def _check_left_out(what: str, options: Mapping[str, object]) -> None:
 
 
 def _print_coefficients(which: RobotOptions, robot: "Robot", rest: list[str], at: str) -> None:
-    """Print how errors of each parameter move the nominal tool, and how those in the robot's file add up."""
+    """Print the effect of each parameter's error on the nominal tool, and the total of those in the robot's file."""
     import numpy as np
 
     from steptwin.host.robots.kinematics.chain import MOVES, Chain

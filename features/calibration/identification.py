@@ -1,10 +1,10 @@
 """Identify a machine's DH parameters from measured positions of its tool, by nonlinear least squares.
 
 Positions cannot tell all parameters apart: heights of several links add up, a twist of the last frame moves nothing. So
-parameters are taken in order, from the world to the tool. One is identified if its error moves the tool in a way of its
-own beside all that those before it can do. The others keep their values; what they would do is a combination of
-identified ones, which take over their errors. Source: W. Khalil, E. Dombre, "Modeling, Identification and Control of
-Robots", section 11.4, there by a QR decomposition whose columns are permuted.
+parameters are taken in order, from the world to the tool. A parameter is identified if its error moves the tool in a
+way that those before it cannot. The others keep their values; their effect is a combination of identified parameters,
+which take over their errors. Source: W. Khalil, E. Dombre, "Modeling, Identification and Control of Robots", section
+11.4, there by a QR decomposition with permuted columns.
 
 Standard deviations are those of linear least squares at the solution, from the residuals' own variance:
 
@@ -29,28 +29,29 @@ from steptwin.host.robots.reader import read_robot
 from steptwin.host.robots.robot import Robot
 
 LEAST_OWN_MOVE_MM: Final = 0.01
-"""Rms way of the tool, per mm or degree of a parameter, that no other parameters can make; below it the parameter
-cannot be told from them. A measuring device of 0.02 mm and 50 poses find such a one to 0.3 mm or degrees."""
+"""Least rms motion of the tool, per mm or degree of a parameter, that no other parameters can make. A measuring device
+of 0.02 mm and 50 poses find such a parameter to 0.3 mm or degrees.
+"""
 
-_FREE_ROUNDS: Final = 3  # fits after which no parameter joins those identified, so that the fits come to an end
+_FREE_ROUNDS: Final = 3  # largest number of fits; guarantees an end
 _EXACT: Final = 1e-14  # relative change of parameters or residual below which a fit has converged
 _DECIMALS: Final = 7  # of an error in a file: a ten thousandth of a micrometre, or 2 nm at the end of an arm of 1 m
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One parameter of the chain, as the calibration leaves it."""
+    """One parameter of the chain after the calibration."""
 
     name: str  # such as link1.a_mm
     before: float  # its error in the robot's file, real minus nominal, in mm or degrees
-    found: float  # the error found; the same as before if it cannot be told from others
+    found: float  # the error found; unchanged if it was not identified
     deviation: float | None  # standard deviation of the error found; None if it was not identified
     acts_as: tuple[tuple[float, str], ...] = ()
-    """For one not identified: the identified ones that move the tool likewise, with their errors for an error of 1."""
+    """For a parameter that was not identified: identified ones of like effect, with their errors for an error of 1."""
 
     @property
     def identified(self) -> bool:
-        """True if the parameter could be told from the others."""
+        """True if the parameter was told apart from the others."""
         return self.deviation is not None
 
 
@@ -61,10 +62,10 @@ class Identification:
     chain: Chain  # with the errors found
     measurements: Measurements
     parameters: tuple[Parameter, ...]  # all of the chain, from the world to the tool
-    before_mm: FloatArray  # shape (n, 3), measured position minus that of the chain before
-    after_mm: FloatArray  # shape (n, 3), measured position minus that of the chain found
+    before_mm: FloatArray  # shape (n, 3), measured position minus position by the old chain
+    after_mm: FloatArray  # shape (n, 3), measured position minus position by the new chain
     condition: float  # condition number of the identified parameters' derivatives, per mm and per degree
-    noise_mm: float  # standard deviation of a measured coordinate, as the residuals show it
+    noise_mm: float  # standard deviation of a measured coordinate, from the residuals
 
     @property
     def rank(self) -> int:
@@ -73,19 +74,19 @@ class Identification:
 
     @property
     def worst_line(self) -> int:
-        """The line of the measurement that is furthest from the chain found."""
+        """Line of the measurement farthest from the new chain."""
         return self.measurements.lines[int(np.linalg.norm(self.after_mm, axis=1).argmax())]
 
 
 @in_planning_time()
 def identify_errors(chain: Chain, measurements: Measurements) -> Identification:
-    """Return the parameters with which a chain fits measurements best, beginning with the chain's own errors.
+    """Fit a chain's parameters to measurements, starting with the chain's own errors.
 
     Raises:
-        InputError: there are too few measurements, or they do not belong to this robot.
+        InputError: there are too few measurements, or they belong to another robot.
     """
     with planning_step("the calibration"):
-        found, told = _fitted_and_told(chain, measurements)
+        found, told = _fitted_and_identified(chain, measurements)
     after_mm, slopes = _residuals(found, measurements), _slopes(found, measurements)
     freedom = after_mm.size - int(told.sum())
     noise_mm = float(np.sqrt(np.sum(after_mm**2) / freedom))
@@ -114,15 +115,15 @@ def _slopes(chain: Chain, measurements: Measurements) -> FloatArray:
     return chain.sensitivities(measurements.joints)[:, :3].reshape(3 * len(measurements), -1)
 
 
-def _told_apart(slopes: FloatArray, preferred: BoolArray) -> BoolArray:
-    """Return which parameters move the tool in a way of their own, the preferred ones taken first (Gram-Schmidt)."""
+def _independent(slopes: FloatArray, preferred: BoolArray) -> BoolArray:
+    """Return the parameters that move the tool in a way of their own, preferred ones first (Gram-Schmidt)."""
     least = LEAST_OWN_MOVE_MM * np.sqrt(len(slopes) / 3)
     told = np.zeros_like(preferred)
     basis = np.zeros((len(slopes), 0))
     for i in np.argsort(~preferred, kind="stable").tolist():
         slope = slopes[:, i]
         own = slope - basis @ (basis.T @ slope)
-        own -= basis @ (basis.T @ own)  # once more, since the first time leaves rounding errors of the large part
+        own -= basis @ (basis.T @ own)  # again, to remove rounding errors of the large part
         size = np.linalg.norm(own)
         if size >= least:
             told[i] = True
@@ -130,24 +131,24 @@ def _told_apart(slopes: FloatArray, preferred: BoolArray) -> BoolArray:
     return told
 
 
-def _fitted_and_told(chain: Chain, measurements: Measurements) -> tuple[Chain, BoolArray]:
-    """Return the fitted chain and the parameters that were identified.
+def _fitted_and_identified(chain: Chain, measurements: Measurements) -> tuple[Chain, BoolArray]:
+    """Return the fitted chain and the identified parameters.
 
-    Which parameters can be told apart depends on their values: the angle of a tool without an offset cannot. So each
-    fit takes those that can be told apart at the solution of the one before, and begins there, until they are the same.
-    Those of the one before are preferred: with an offset, the tool's angle must not take the place of a direction of
-    the offset, which would have to turn far.
+    The identified set depends on the values: the angle of a tool without an offset cannot be identified. So each fit
+    starts at the last solution with the parameters that can be told apart there, until the set repeats. Parameters of
+    the last set are preferred: with an offset, the tool's angle must not replace a direction of the offset, which would
+    need a large turn.
     """
     if not len(measurements):
         raise InputError("has no measurement")
-    told = _told_apart(_slopes(chain, measurements), np.zeros(chain.errors.size, dtype=np.bool_))
+    told = _independent(_slopes(chain, measurements), np.zeros(chain.errors.size, dtype=np.bool_))
     found = chain
     for fits in count(1):
         check_planning_time()
         _check_enough(measurements, int(told.sum()))
         start = found.with_errors(np.where(told, found.errors.ravel(), chain.errors.ravel()))
         found = _fitted(start, measurements, told)
-        at_solution = _told_apart(_slopes(found, measurements), told)
+        at_solution = _independent(_slopes(found, measurements), told)
         if fits >= _FREE_ROUNDS:
             at_solution &= told
         if (at_solution == told).all():
@@ -157,7 +158,7 @@ def _fitted_and_told(chain: Chain, measurements: Measurements) -> tuple[Chain, B
 
 
 def _check_enough(measurements: Measurements, parameters: int) -> None:
-    """Raise InputError unless there are more coordinates than parameters, so that the residuals show the noise."""
+    """Raise InputError if coordinates do not outnumber parameters; residuals could not show the noise then."""
     needed = parameters // 3 + 1
     if len(measurements) < needed:
         there = f"{len(measurements)} instead of at least {needed}"
@@ -167,7 +168,7 @@ def _check_enough(measurements: Measurements, parameters: int) -> None:
 
 
 def _fitted(chain: Chain, measurements: Measurements, told: BoolArray) -> Chain:
-    """Return a chain with other errors of the parameters told apart: those that fit best."""
+    """Return a chain with the best-fitting errors of the given parameters."""
     from scipy.optimize import least_squares
 
     def with_values(values: FloatArray) -> Chain:
@@ -217,10 +218,10 @@ def _parameters(
 
 
 def corrected_text(robot: Robot, errors: Mapping[str, LinkErrors], comment: str) -> str:
-    """Return the text of a robot's file with other errors of its links, each table with a comment in its head.
+    """Return the text of a robot's file with other errors of its links; each table's head gets a comment.
 
     Raises:
-        InputError: the robot is not from a file, or its file states errors in a form that cannot be replaced.
+        InputError: the robot has no file, or the file gives errors in a form that cannot be replaced.
     """
     if not robot.toml:
         raise InputError("the robot is not from a file: there is no text to correct")
@@ -238,7 +239,7 @@ def corrected_text(robot: Robot, errors: Mapping[str, LinkErrors], comment: str)
 
 
 def _without_errors(text: str) -> str:
-    """Return the text without the tables of errors, each from its head to the next head."""
+    """Return the text without the tables of errors."""
     kept, inside = [], False
     for line in text.splitlines(keepends=True):
         head = line.strip()

@@ -1,4 +1,4 @@
-"""Measured positions of a machine's tool: in a CSV file, or simulated.
+"""Measured positions of a machine's tool, from a CSV file or simulated.
 
 A file has the header JOINT,...,x,y,z in mm and degrees, in any order of the columns, and one line for each pose.
 Positions are in the robot's world frame.
@@ -13,31 +13,35 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import nearest_within, outside, prefixed, unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_limits import MEASUREMENTS_BYTES_MAX, MEASUREMENTS_MAX
+from steptwin.host.common.file_limits import MIB
 from steptwin.host.common.numbers import check_once, fields_of, numbered_lines, numbers_of
 from steptwin.host.common.own_files import opened_text
 from steptwin.host.robots.kinematics.base import LIMIT_TOLERANCE
 from steptwin.host.robots.kinematics.chain import Chain, random_joints
 from steptwin.host.robots.robot import Robot
 
+MEASUREMENTS_MAX: Final = 10_000
+"""Measurements of a calibration: some 50 are usual; the derivatives of so many by 24 parameters take 6 MB."""
+MEASUREMENTS_BYTES_MAX: Final = 16 * MIB
+"""A measurement of eight joints with all digits has 250 bytes."""
 _POSITION: Final = ("x", "y", "z")
-_JOINT_DECIMALS: Final = 3  # joints alike to these are the same pose
+_JOINT_DECIMALS: Final = 3  # joints closer than this are the same pose
 _POSITION_DECIMALS: Final = 6
-NOISE_MAX_MM: Final = 10.0  # a measuring device with more measures nothing
+NOISE_MAX_MM: Final = 10.0  # largest noise of a useful measuring device
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measurements:
     """Measured positions of the tool."""
 
-    joints: FloatArray  # shape (n, joints), where the joints stood, in mm and degrees
-    positions_mm: FloatArray  # shape (n, 3), where the tool was
-    lines: tuple[int, ...]  # the lines of the file that have them; from 1 for measurements that are not from a file
-    repeats: int = 0  # further lines of the file at poses that it has already
+    joints: FloatArray  # shape (n, joints), in mm and degrees
+    positions_mm: FloatArray  # shape (n, 3), positions of the tool
+    lines: tuple[int, ...]  # line numbers in the file; from 1 for other measurements
+    repeats: int = 0  # further lines of the file at a repeated pose
 
     @classmethod
     def of(cls, joints: FloatArray, positions_mm: FloatArray) -> Self:
-        """Return measurements that are not from a file."""
+        """Return measurements without a file."""
         return cls(joints, positions_mm, tuple(range(1, len(joints) + 1)))
 
     def __len__(self) -> int:
@@ -45,10 +49,10 @@ class Measurements:
 
 
 def read_measurements(path: Path | str, robot: Robot) -> Measurements:
-    """Return the measurements in a file; raise InputError with path, line and column for what is wrong in it.
+    """Read measurements from a file; raise InputError with path, line and column for errors.
 
-    A repeated pose counts once, where it was measured on average: further measurements tell of the device's noise, but
-    nothing new of the arm.
+    A repeated pose counts once, with its average position. Repetitions show the device's noise, but nothing new about
+    the arm.
     """
     with prefixed(f"{path}: "), opened_text(path, MEASUREMENTS_BYTES_MAX) as file:
         lines = numbered_lines(file)
@@ -84,7 +88,7 @@ def _check_header(header: list[str], wanted: list[str]) -> None:
 
 
 def _once_each(rows: dict[int, list[float]], joints: int) -> Measurements:
-    """Return the measurements of lines, those of each pose as one: at their average, under their first line."""
+    """Return one measurement for each pose: the average, under its first line."""
     poses: dict[tuple[float, ...], list[int]] = {}
     for line, row in rows.items():
         poses.setdefault(tuple(round(value, _JOINT_DECIMALS) for value in row[:joints]), []).append(line)
@@ -105,9 +109,9 @@ def measurements_text(robot: Robot, measurements: Measurements) -> str:
 
 
 def simulate_measurements(robot: Robot, poses: int, noise_mm: float, seed: int) -> Measurements:
-    """Return measurements of the actual tool, with the errors in the robot's file, at uniformly random joints.
+    """Return measurements of the actual tool at uniformly random joints; link errors of the file are included.
 
-    Each measured coordinate has normally distributed noise; the same seed gives the same measurements.
+    Each measured coordinate has normally distributed noise; the seed determines the result.
 
     Raises:
         InputError: the robot is no DH chain, or a number is out of range.

@@ -1,4 +1,4 @@
-"""Draw a calibration: how far the tool was from the model, before and after, at each measured pose."""
+"""Draw a calibration: distances of the tool from the model at each measured pose, before and after."""
 
 from pathlib import Path
 
@@ -10,17 +10,17 @@ from steptwin.features.calibration.identification import Identification, rms_mm
 from steptwin.host.common.bad_input import printable, shortened
 from steptwin.host.record.plots.canvas import COUNTED, LIMIT, PLANNED, STYLE, WIDTH_INCHES, save_figure
 
-_LEAST_MM = 1e-6  # a distance of 0, of simulations without noise, is drawn as this on the logarithmic scale
+_LEAST_MM = 1e-6  # smallest distance on the logarithmic scale; simulations without noise have 0
 
 
 def write_residuals(path: Path, robot: str, found: Identification) -> None:
-    """Draw the picture into a PNG file."""
+    """Write the picture to a PNG file."""
     with mpl.rc_context(STYLE):
         save_figure(draw_residuals(robot, found), path, {})
 
 
 def draw_residuals(robot: str, found: Identification) -> Figure:
-    """Return a figure: all distances on a logarithmic scale, and below it what is left in x, y and z."""
+    """Return a figure: all distances on a logarithmic scale, and the final residuals in x, y and z below."""
     figure = Figure(figsize=(WIDTH_INCHES, 6.0), layout="constrained")
     title = f"{printable(shortened(robot))} · calibration by {len(found.measurements)} poses"
     figure.suptitle(title, x=0.01, ha="left", weight="bold")

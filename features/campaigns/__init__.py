@@ -1,8 +1,8 @@
-"""Campaigns: thousands of runs with random motions, faults and settings, and what they found."""
+"""Campaigns: thousands of runs with random motions, faults and settings, and a report of their failures."""
 
 import re
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final
 
 from steptwin.host.common.features import COMMAND_GROUPS, CommandRow, Feature, FileKind
 from steptwin.host.common.file_limits import CAMPAIGN_BYTES_MAX
@@ -25,10 +25,17 @@ def _file_kinds() -> Sequence[FileKind]:
     return (FileKind("campaign", ("runs", "motion", "scenario"), _check, CAMPAIGN_BYTES_MAX, _LISTS),)
 
 
+def _schemas() -> Mapping[str, Callable[[], type[Any]]]:
+    from steptwin.features.campaigns.campaign import Campaign
+
+    return {"campaign": lambda: Campaign}
+
+
 FEATURE: Final = Feature(
     name="campaigns",
     needs=("faults", "motors"),
     file_kinds=_file_kinds,
+    schemas=_schemas,
     commands=(
         CommandRow(
             "campaign",

@@ -1,65 +1,246 @@
-"""A campaign as data: which robots make which motions, what goes wrong meanwhile, and what varies from run to run.
+"""A campaign as its file describes it: which robots make which motions, what goes wrong meanwhile, and what varies.
 
-Its files are its own text and those that it names, beside it or kept in its folder of results.
+Everything that it can draw is tried once as it is read, so that a mistake is told before any run.
 """
 
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
-from hashlib import sha256
-from importlib.resources import files
-from pathlib import Path
-from typing import Final
-from urllib.parse import quote
+from functools import partial
+from random import Random
+from typing import Annotated, Any, ClassVar, Final
 
-import steptwin
-from steptwin.features.campaigns.values import Template
+import numpy as np
+
+from steptwin.features.campaigns.sources import Sources
+from steptwin.features.campaigns.values import Template, drawn, placed, read_template
+from steptwin.features.campaigns.variations import VARIATIONS, Setup
+from steptwin.features.faults.scenario import scenario_of
+from steptwin.features.motors.limits import motor_limits
 from steptwin.features.motors.options import MotorsTurn
-from steptwin.host.common.bad_input import prefixed
+from steptwin.features.motors.turning import check_described
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.bad_input import known, prefixed, unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_limits import CAMPAIGN_BYTES_MAX, CAMPAIGN_FILE_BYTES_MAX
-from steptwin.host.common.own_files import made_folder, read_text
-from steptwin.host.common.whole_file import write_whole
+from steptwin.host.common.file_limits import NAME_CHARS_MAX, SCENARIO_BYTES_MAX
+from steptwin.host.common.file_models import FileReading, FileTable, read_model
+from steptwin.host.common.file_values import Choice, Name, NotNegative, OneOf, ReadBy, TableList, Within
+from steptwin.host.common.findings import Findings, UnreadError, judged
+from steptwin.host.common.own_files import read_text
+from steptwin.host.common.tables import toml_table
+from steptwin.host.planning.jobs import job_fields, make_job
+from steptwin.host.planning.motions.composer import Composer
+from steptwin.host.planning.plan import Plan
+from steptwin.host.planning.planner import plan, plan_stretched
+from steptwin.host.planning.programs import SUFFIX as PROGRAM_SUFFIX
+from steptwin.host.planning.programs import compile_program, read_program
 from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.planning.trajectory_file import SUFFIXES, is_trajectory_file, read_trajectory
+from steptwin.host.robots import SUFFIX as ROBOT_SUFFIX
+from steptwin.host.robots import load_robot, load_robot_file
 from steptwin.host.robots.robot import Robot
 
 RUNS_MAX: Final = 10_000_000
 """Greatest number of runs: a list of those that are done takes a byte for each."""
-_FOLDERS: Final = ("controller", "emulator", "host", "protocol")
-_SUFFIXES: Final = (".py", ".toml")
-_DIGITS: Final = 8
-"""Digits of the digest: of a thousand versions, two have the same with a chance of 1 in 8600."""
+_SEED_MAX: Final = 1 << 53
+"""Greatest first seed: every program that reads the results holds such a number exactly."""
+_REACH: Final = 0.1
+"""Part of each joint's range by which random moves are from home at most, without the key."""
+_TRIES: Final = 6
+"""Number of draws of a random move, each half as far, until the robot can make it."""
+
+
+@dataclass(slots=True)
+class CampaignReading:
+    """What the tables of a campaign share while it is read.
+
+    Attributes:
+        sources: its files.
+        files: names of those that it names.
+        planned: a motion of each robot, where scenarios are placed: a campaign has up to twenty thousand.
+    """
+
+    sources: Sources
+    files: set[str] = field(default_factory=set)
+    planned: dict[str, Plan] = field(default_factory=dict)
+
+    def path(self, name: str) -> str:
+        """Return the path of a file that the campaign names."""
+        self.files.add(name)
+        return self.sources.path(name)
+
+    def some_motion(self, name: str, robot: Robot) -> Plan:
+        """Return a motion of a robot, planned once."""
+        if name not in self.planned:
+            self.planned[name] = plan(robot, random_moves(robot, 1, _REACH, Random(name)))
+        return self.planned[name]
+
+
+def _read_robots(names: object, reading: FileReading) -> Mapping[str, Robot]:
+    robots, found = dict[str, Robot](), Findings()
+    if not isinstance(names, list) or not names:
+        raise InputError("names none")
+    for name in names:
+        with found.collecting():
+            if not isinstance(name, str):
+                raise InputError(f"{name!r} is not a text")
+            is_file = name.endswith(ROBOT_SUFFIX)
+            robots[name] = load_robot_file(reading.known.path(name)) if is_file else load_robot(name)
+    found.raise_first()
+    return robots
+
+
+def _robots(reading: FileReading) -> Mapping[str, Robot]:
+    if "robots" not in reading.read:
+        raise UnreadError("robots")
+    robots: Mapping[str, Robot] = reading.read["robots"]
+    return robots
+
+
+def _read_motors(value: object, _: FileReading) -> MotorsTurn | None:
+    if isinstance(value, bool):
+        return MotorsTurn.AFTER if value else None
+    if value != MotorsTurn.IN_LOOP:
+        raise InputError(f'{value!r} is none of true, false and "{MotorsTurn.IN_LOOP}"')
+    return MotorsTurn.IN_LOOP
+
+
+def _read_varied(value: object, reading: FileReading) -> Template:
+    template, parameter = read_template(value), reading.name
+    for name, robot in _robots(reading).items() if parameter in VARIATIONS else ():
+        VARIATIONS[parameter](Setup(robot), drawn(template, Random(name), robot))
+    return template
+
+
+_Drawn = Annotated[Any, ReadBy(lambda value, _: read_template(value), dict)]
+"""A value that may be drawn."""
+_Motors = Annotated[MotorsTurn | None, ReadBy(_read_motors, lambda: {"enum": [True, False, MotorsTurn.IN_LOOP]})]
+_Parameter = Annotated[str, Choice("parameter", lambda: tuple(VARIATIONS))]
+_Vary = Mapping[_Parameter, Annotated[Any, ReadBy(_read_varied, dict)]]
+_RobotName = Annotated[
+    str, ReadBy(lambda name, reading: known("robot", name, _robots(reading)), lambda: {"type": "string"})
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Weighted(FileTable):
+    """One of what runs choose from.
+
+    Attributes:
+        robots: names of the robots that may have it; without it all.
+        weight: how often it is chosen, beside the others.
+    """
+
+    may_lack: ClassVar[tuple[str, ...]] = ("robots",)
+    robots: tuple[_RobotName, ...]
+    weight: NotNegative = 1.0
+
+    @classmethod
+    def made_of(cls, values: dict[str, Any], reading: FileReading) -> Any:
+        """Return it, for all robots if the table names none."""
+        if "robots" in values and values["robots"] is None:
+            values["robots"] = tuple(_robots(reading))
+        return judged(cls, values, reading.findings)
+
+
+# --- motions
+
+Stream = Callable[[str], Random]
+"""Returns the generator of a quantity by its name."""
+Drawing = tuple[dict[str, Any], Trajectory]
+"""The drawn values of a motion, and its trajectory."""
+
+
+class DrawnMotion(Weighted, ABC):
+    """A motion that runs may make."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def drawn_for(self, name: str, robot: Robot, stream: Stream) -> Drawing:
+        """Return the motion of a robot, which has a name in the campaign, as it is drawn."""
+
+
+def _one_stream(robot: str, _: str) -> Random:
+    return Random(robot)
 
 
 @dataclass(frozen=True, slots=True)
-class JobMotion:
-    """A job of the robot; its options are templates by name."""
+class JobMotion(DrawnMotion):
+    """A job of the robot.
+
+    Attributes:
+        job: name of the job.
+        options: its options by name; each may be drawn.
+    """
 
     job: str
-    options: Mapping[str, Template]
+    options: Mapping[str, _Drawn] = field(default_factory=dict)
+
+    @classmethod
+    def made_of(cls, values: dict[str, Any], reading: FileReading) -> Any:
+        """Return the motion; raise InputError if a robot does not have such a job."""
+        motion: JobMotion = super(JobMotion, cls).made_of(values, reading)
+        for name in motion.robots:
+            robot = _robots(reading)[name]
+            with prefixed(f"{name}: "):
+                options = [option.name for option in job_fields(robot, motion.job)]
+            for option in motion.options:
+                if option not in options:
+                    raise unknown("options: option", option, options)
+            if motion.options:
+                with prefixed(f"{name}: "):
+                    motion.drawn_for(name, robot, partial(_one_stream, name))
+        return motion
 
     def __str__(self) -> str:
         return self.job
 
+    def drawn_for(self, name: str, robot: Robot, stream: Stream) -> Drawing:
+        del name
+        options = {
+            option: drawn(value, stream(f"{self.job}.{option}"), robot) for option, value in self.options.items()
+        }
+        return options, make_job(robot, self.job, {option: str(value) for option, value in options.items()})
+
 
 @dataclass(frozen=True, slots=True)
-class RandomMoves:
+class RandomMoves(DrawnMotion):
     """Moves of all joints to random positions around the robot's home, one after the other, jerk-limited.
 
     Attributes:
-        moves: how many; a template.
-        reach: how far from home, as a part of each joint's range, at most; a template.
+        moves: number of moves; may be drawn.
+        reach: how far from home, as a part of each joint's range, at most; may be drawn.
     """
 
-    moves: Template
-    reach: Template
+    moves: _Drawn
+    reach: _Drawn = _REACH
+
+    @classmethod
+    def made_of(cls, values: dict[str, Any], reading: FileReading) -> Any:
+        """Return the motion; raise InputError for other values than numbers of moves and parts of ranges."""
+        motion: RandomMoves = super(RandomMoves, cls).made_of(values, reading)
+        for name, robot in _robots(reading).items():
+            count, part = drawn(motion.moves, Random(name), robot), drawn(motion.reach, Random(name), robot)
+            if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+                raise InputError(f"moves: {count!r} is not a whole number of at least 1")
+            if isinstance(part, bool) or not isinstance(part, int | float) or not 0 < part <= 1:
+                raise InputError(f"reach: {part!r} is not a part of the joints' ranges, above 0 and up to 1")
+        return motion
 
     def __str__(self) -> str:
         return "random moves"
 
+    def drawn_for(self, name: str, robot: Robot, stream: Stream) -> Drawing:
+        del name
+        random = stream("moves")
+        options = {"moves": drawn(self.moves, random, robot), "reach": drawn(self.reach, random, robot)}
+        return options, random_moves(robot, options["moves"], options["reach"], random)
+
 
 @dataclass(frozen=True, slots=True)
-class CampaignMotion:
+class CampaignMotion(DrawnMotion):
     """A motion of a trajectory file or a program: its trajectory for each robot that makes it, by the robot's name."""
 
     file: str
@@ -68,60 +249,203 @@ class CampaignMotion:
     def __str__(self) -> str:
         return self.file
 
-
-@dataclass(frozen=True, slots=True)
-class MotionChoice:
-    """A motion that runs may make, the names of the robots that make it, and how often it is chosen."""
-
-    motion: JobMotion | RandomMoves | CampaignMotion
-    robots: tuple[str, ...]
-    weight: float
+    def drawn_for(self, name: str, robot: Robot, stream: Stream) -> Drawing:
+        del robot, stream
+        return {}, self.trajectories[name]
 
 
 @dataclass(frozen=True, slots=True)
-class ScenarioChoice:
-    """A scenario that runs may meet: a template of a scenario's table without its name and seed.
+class MotionOfFile(Weighted):
+    """A motion of a trajectory file or a program.
+
+    Attributes:
+        file: name of the file.
+    """
+
+    file: str
+
+    @classmethod
+    def made_of(cls, values: dict[str, Any], reading: FileReading) -> CampaignMotion:
+        """Return the motion; raise InputError for what is wrong in its file."""
+        table: MotionOfFile = super(MotionOfFile, cls).made_of(values, reading)
+        trajectories, path = dict[str, Trajectory](), reading.known.path(table.file)
+        for name in table.robots:
+            robot = _robots(reading)[name]
+            with prefixed(f"{robot.name}: "):
+                if is_trajectory_file(table.file):
+                    trajectories[name] = read_trajectory(path, robot)
+                elif table.file.endswith(PROGRAM_SUFFIX):
+                    trajectories[name] = compile_program(read_program(path), robot, drives=motor_limits).trajectory
+                else:
+                    endings = f"a trajectory ({', '.join(SUFFIXES)}) nor a program ({PROGRAM_SUFFIX})"
+                    raise InputError(f"file: {table.file} is neither {endings}")
+        return CampaignMotion(table.file, trajectories, robots=table.robots, weight=table.weight)
+
+
+def random_moves(robot: Robot, moves: int, reach: float, random: Random) -> Trajectory:
+    """Return moves of all joints around the robot's home, each within `reach` of the joints' ranges; raise InputError.
+
+    A position that the robot cannot reach is drawn again, half as far.
+    """
+    lower = np.array([joint.lower for joint in robot.joints])
+    upper = np.array([joint.upper for joint in robot.joints])
+    home = np.array(robot.home)
+    composer = Composer(robot, home)
+    for _ in range(moves):
+        for attempt in range(_TRIES):
+            parts = np.array([random.uniform(-1, 1) for _ in robot.joints])
+            goal = np.clip(home + parts * reach / 2**attempt * (upper - lower), lower, upper)
+            try:
+                _check_move(robot, composer.joints, goal)
+            except InputError:
+                if attempt == _TRIES - 1:
+                    raise
+            else:
+                composer.go(goal)
+                break
+    return composer.sequence()
+
+
+def _check_move(robot: Robot, start: FloatArray, goal: FloatArray) -> None:
+    """Raise InputError if the robot cannot make the move."""
+    composer = Composer(robot, start)
+    composer.go(goal)
+    plan_stretched(robot, composer.sequence(), None)
+
+
+# --- what goes wrong
+
+
+def _read_file(name: object, reading: FileReading) -> Template:
+    if not isinstance(name, str):
+        raise InputError(f"{name!r} is not a text")
+    return read_template(read_scenario_table(reading.known.path(name)))
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioChoice(Weighted):
+    """A scenario that runs may meet; without a fault nothing goes wrong.
 
     Attributes:
         name: its name in results.
-        table: the template; a run without a fault has an empty one.
-        robots: names of the robots that meet it.
-        weight: how often it is chosen, beside the others.
-        vary: templates of parameters for its runs, instead of the campaign's, by name.
-        motors: when the motors of its runs turn; None: never.
+        title: a line for people.
+        seed: seed of everything in it that is random; may be drawn.
+        fault: its faults, as in a file of faults; their values may be drawn.
+        file: a file of faults in place of them.
+        vary: parameters that vary, in place of the campaign's.
+        motors: whether the motors of its runs turn, in place of the campaign's.
     """
 
-    name: str
-    table: Template
-    robots: tuple[str, ...]
-    weight: float
-    vary: Mapping[str, Template] = field(default_factory=dict)
-    motors: MotorsTurn | None = None
+    name: Annotated[str, Name(NAME_CHARS_MAX)]
+    title: _Drawn = None
+    seed: _Drawn = None
+    fault: _Drawn = None
+    file: Annotated[Template, ReadBy(_read_file, lambda: {"type": "string"})] = None
+    vary: _Vary = field(default_factory=dict)
+    motors: _Motors = None
+
+    @property
+    def table(self) -> Mapping[str, Template]:
+        """The template of a scenario's table without its name; a run without a fault has an empty one."""
+        own = {"title": self.title, "seed": self.seed, "fault": self.fault}
+        return self.file or {key: value for key, value in own.items() if value is not None}
+
+    @classmethod
+    def made_of(cls, values: dict[str, Any], reading: FileReading) -> Any:
+        """Return the scenario; raise InputError for what is wrong in it, as it is drawn once for each robot."""
+        if "motors" not in reading.table:
+            values["motors"] = reading.read.get("motors")
+        if "file" in reading.table and (own := [key for key in ("title", "seed", "fault") if key in reading.table]):
+            raise InputError(f"{own[0]}: the file has the scenario")
+        choice: ScenarioChoice = super(ScenarioChoice, cls).made_of(values, reading)
+        for name in choice.robots:
+            robot = _robots(reading)[name]
+            table = placed(drawn(choice.table, Random(name), robot), reading.known.some_motion(name, robot))
+            if table and not table.get("fault"):
+                raise InputError(f"fault: is missing, but there is {next(iter(table))}")
+            if table:
+                findings = Findings()
+                with prefixed(f"{name}: "):
+                    scenario = scenario_of(table | {"name": choice.name}, robot, findings)
+                    findings.raise_first()
+                    for fault in scenario.faults:
+                        fault.fault.check_motors(turning=choice.motors is MotorsTurn.IN_LOOP)
+        return choice
+
+    def check_loop(self, campaign: "Campaign") -> None:
+        """Raise InputError for a scenario with motors in the loop which some of its runs cannot have."""
+        if self.motors is MotorsTurn.IN_LOOP:
+            with prefixed(f"scenario {self.name}: "):
+                for name in self.robots:
+                    check_described(campaign.robots[name])
+                if {**campaign.vary, **self.vary}.get("crystal_ppm", 0) != 0:
+                    raise InputError("motors in the loop need exact crystals: give it vary = { crystal_ppm = 0 }")
 
 
-@dataclass(frozen=True, slots=True)
-class Campaign:
+def read_scenario_table(path: str) -> dict[str, Any]:
+    """Return the table of a scenario's file, to be read for a robot later; raise InputError if it is not TOML."""
+    with prefixed(f"{path}: "):
+        table = dict(toml_table(read_text(path, SCENARIO_BYTES_MAX)).values)
+    table.pop("name", None)
+    return table
+
+
+# --- the campaign
+
+_MOTIONS: Final = {"job": JobMotion, "moves": RandomMoves, "file": MotionOfFile}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Campaign(FileTable):
     """All runs that a campaign may draw; equal campaigns draw equal runs.
 
     Attributes:
         runs: number of runs.
-        first_seed: seed of the first; the others have the next ones.
-        robots: the robots by name.
-        motions: the motions to choose from.
-        scenarios: the scenarios to choose from.
-        vary: a template for each parameter that varies, by its name in `variations.VARIATIONS`.
-        recover: True to recover every machine after its run: repair it, reset, home, move.
-        motors: when the motors of runs turn whose scenario does not say it; None: never.
+        first_seed: seed of the first run; the others have the next ones.
+        robots: names of robots, or robot files.
+        motors: true: turn the motors by each run's record; "loop": as the run goes.
+        motion: the motions to choose from.
+        scenario: the scenarios to choose from.
+        vary: parameters that vary from run to run.
+        recover: true to recover every machine after its run: repair it, reset, home, move.
     """
 
-    runs: int
-    first_seed: int
-    robots: Mapping[str, Robot]
-    motions: tuple[MotionChoice, ...]
-    scenarios: tuple[ScenarioChoice, ...]
-    vary: Mapping[str, Template]
+    runs: Annotated[int, Within(1, RUNS_MAX)]
+    first_seed: Annotated[int, Within(0, _SEED_MAX)] = 0
+    robots: Annotated[
+        Mapping[str, Robot], ReadBy(_read_robots, lambda: {"type": "array", "items": {"type": "string"}, "minItems": 1})
+    ]
+    motors: _Motors = None
+    motion: Annotated[tuple[Annotated[Any, OneOf("motion", lambda: _MOTIONS)], ...], TableList("motion")]
+    scenario: tuple[ScenarioChoice, ...] = ()
+    vary: _Vary = field(default_factory=dict)
     recover: bool = True
-    motors: MotorsTurn | None = None
+
+    @classmethod
+    def made_of(cls, values: dict[str, Any], reading: FileReading) -> "Campaign":
+        """Return the campaign; one without scenarios has one in which nothing goes wrong."""
+        if values.get("scenario", 0) is None:
+            robots = tuple(_robots(reading))
+            values["scenario"] = (ScenarioChoice("nothing", robots=robots, motors=reading.read.get("motors")),)
+        campaign: Campaign = judged(cls, values, reading.findings)
+        with reading.findings.collecting():
+            times = Counter(choice.name for choice in campaign.scenario)
+            if twice := min((name for name in times if times[name] > 1), default=None):
+                raise InputError(f"scenario: two are called {twice!r}")
+        with reading.findings.collecting():
+            for choice in campaign.scenario:
+                choice.check_loop(campaign)
+        if not reading.findings.messages:
+            with reading.findings.collecting():
+                campaign.check_every_robot("motion", campaign.motion)
+                campaign.check_every_robot("scenario", campaign.scenario)
+        return campaign
+
+    def check_every_robot(self, what: str, choices: Iterable[DrawnMotion | ScenarioChoice]) -> None:
+        """Raise InputError for a robot that has none of the choices."""
+        for name in self.robots:
+            if not any(name in choice.robots and choice.weight > 0 for choice in choices):
+                raise InputError(f"{what}: there is none for {name}")
 
     @property
     def seeds(self) -> range:
@@ -129,90 +453,19 @@ class Campaign:
         return range(self.first_seed, self.first_seed + self.runs)
 
 
-@cache
-def source_version() -> str:
-    """Return the version and a digest of the sources and robot files as they are now, such as `1.0.0+1f3a09bc`.
+def read_campaign(sources: Sources) -> tuple[Campaign, set[str]]:
+    """Return a campaign and the names of the files that it names.
 
-    A wheel has the same as the checkout that it was built from, also if some of its modules are compiled.
+    Raises:
+        InputError: something in it is wrong; the messages name file and key.
     """
-    return f"{steptwin.__version__}+{digest_of(Path(next(iter(steptwin.__path__))))}"
+    with prefixed(f"{sources.name}: "):
+        return parse_campaign(sources)
 
 
-def digest_of(package: Path) -> str:
-    """Return the digest of a package's sources and robot files: of their names and contents."""
-    digest = sha256()
-    for folder in _FOLDERS:
-        root = (package / folder).resolve()  # in a checkout it is a link, which rglob does not follow
-        for path in sorted(path for path in root.rglob("*") if path.suffix in _SUFFIXES):
-            content = path.read_bytes()
-            digest.update(f"{folder}/{path.relative_to(root).as_posix()} {len(content)}\n".encode())
-            digest.update(content)
-    return digest.hexdigest()[:_DIGITS]
-
-
-NIGHTLY: Final = "nightly"
-"""Name of the campaign over the robots of papers and all faults."""
-_CAMPAIGN: Final = "campaign.toml"
-_FILES: Final = "files"
-
-
-@dataclass(frozen=True, slots=True)
-class Sources:
-    """A campaign's text, and where the files are that it names.
-
-    Attributes:
-        name: its file as the user named it, for messages.
-        text: the text.
-        folder: folder from which the names of files count; None for files kept under their quoted names.
-        kept: folder of a campaign's results, where its files are kept; None for a campaign of its own file.
-    """
-
-    name: str
-    text: str
-    folder: Path | None = None
-    kept: Path | None = None
-
-    def path(self, name: str) -> str:
-        """Return the path of a file that the campaign names."""
-        if self.kept is not None:
-            return str(self.kept / _FILES / quote(name, safe=""))
-        return str((self.folder or Path()) / name)
-
-    def keep(self, folder: Path, names: set[str]) -> None:
-        """Keep the campaign and its files in a folder of results, unless they are there.
-
-        Raises:
-            InputError: the folder has the results of another campaign.
-        """
-        texts = {_CAMPAIGN: self.text}
-        for name in names:
-            with prefixed(f"{name}: "):
-                texts[f"{_FILES}/{quote(name, safe='')}"] = read_text(self.path(name), CAMPAIGN_FILE_BYTES_MAX)
-        if (folder / _CAMPAIGN).exists():
-            for place, text in texts.items():
-                path = folder / place
-                if not path.is_file() or read_text(str(path), CAMPAIGN_FILE_BYTES_MAX) != text:
-                    raise InputError(f"{folder}: has the results of another campaign, whose {place} differs")
-            return
-        folder.mkdir(parents=True, exist_ok=True)
-        for place, text in reversed(texts.items()):  # the campaign comes last: with it the folder is whole
-            if place.startswith(f"{_FILES}/"):
-                made_folder(folder / _FILES)
-            write_whole(folder / place, text)
-
-
-def sources_of_file(path: str) -> Sources:
-    """Read a campaign's file, or by its name the one that StepTwin brings; raise InputError if it cannot be read."""
-    if path == NIGHTLY:
-        return Sources(path, (files(__package__) / f"{NIGHTLY}.toml").read_text(encoding="utf-8"))
-    with prefixed(f"{path}: "):
-        return Sources(path, read_text(path, CAMPAIGN_BYTES_MAX), folder=Path(path).parent)
-
-
-def sources_of_results(folder: Path) -> Sources:
-    """Read the campaign in a folder of results; raise InputError for a folder without one."""
-    path = folder / _CAMPAIGN
-    if not path.is_file():
-        raise InputError(f"{folder}: holds no campaign: there is no {_CAMPAIGN} in it")
-    with prefixed(f"{path}: "):
-        return Sources(str(path), read_text(str(path), CAMPAIGN_BYTES_MAX), kept=folder)
+def parse_campaign(sources: Sources) -> tuple[Campaign, set[str]]:
+    """Do the same as `read_campaign`; its messages do not name the file."""
+    findings, shared = Findings(), CampaignReading(sources)
+    campaign = read_model(Campaign, toml_table(sources.text).values, findings, shared)
+    findings.raise_first()
+    return campaign, shared.files

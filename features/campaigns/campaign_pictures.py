@@ -1,4 +1,4 @@
-"""Draw what a campaign has found: pass rates with their intervals, and margins against each parameter that varied."""
+"""Draw the results of a campaign: pass rates with their intervals, and margins over each varied parameter."""
 
 import re
 from array import array
@@ -22,29 +22,29 @@ _ROW_INCHES: Final = 0.28
 _MARGIN_INCHES: Final = 1.7
 _BINS: Final = 24
 _POINTS_MAX: Final = 5000
-"""Points drawn of each margin; the line of the least is of all runs."""
+"""Largest number of points for each margin; the line of least margins includes all runs."""
 _BEYOND: Final = -1.0
-"""Least margin that is shown, at twice the limit; runs below it are points there."""
+"""Lowest margin on the axis, at twice the limit; runs below it are drawn there."""
 _MANY_POINTS: Final = 300
 _PARAMETERS_MAX: Final = 16
-"""Parameters that get a picture: those that most runs have."""
+"""Largest number of parameters with a picture; those of most runs are drawn."""
 _FEW_VALUES: Final = 8
-"""Values that get a column each; more of them are places on an axis."""
+"""Largest number of values that get a column each; more values share an axis."""
 _COLUMN_HALF: Final = 0.3
-"""Half the width of a column, of the distance between two."""
+"""Half the width of a column, relative to the distance of two."""
 _HEAP_BELOW: Final = 5.0
-"""Values above 0 are shown on a logarithmic axis if half of them are below the greatest divided by this."""
+"""Positive values get a logarithmic axis if half of them are below the greatest divided by this."""
 _GOLDEN_RATIO: Final = (5.0**0.5 - 1.0) / 2.0
 _LEAST_LABEL: Final = "least of all runs"
 _LEAST_LINE: Final[Mapping[str, Any]] = {"color": "0.3", "linewidth": 1.0}
 _NAME_CHARS_MAX: Final = 200
-"""Longest part of a picture's name that a parameter gives it: names of files have up to 255."""
+"""Longest part of a picture's name for a parameter; file names have up to 255 characters."""
 _PICTURE_CHARS: Final = re.compile(r"[^A-Za-z0-9]+")
 
 
 @dataclass(slots=True)
 class _MarginSeries:
-    """The values of a parameter and, run by run, those of each margin; NaN for one that a run does not tell."""
+    """Values of a parameter and of each margin, run by run; NaN for a margin that a run does not have."""
 
     values: "array[float]" = field(default_factory=lambda: array("d"))
     margins: "dict[str, array[float]]" = field(default_factory=lambda: {name: array("d") for name in all_margins()})
@@ -58,7 +58,7 @@ class _MarginSeries:
 
 
 def draw_campaign(summary: Summary, rows: Callable[[], Iterable[Row]], title: str, folder: Path) -> list[str]:
-    """Write the pictures into a folder; return their names. `rows` is asked twice for all rows."""
+    """Write the pictures into a folder; return their names. `rows` is called twice for all rows."""
     names = ["rates.png"]
     save_figure(_draw_rates(summary, title), folder / names[0], {})
     series = {parameter: _MarginSeries() for parameter in _shown(rows())}
@@ -72,7 +72,7 @@ def draw_campaign(summary: Summary, rows: Callable[[], Iterable[Row]], title: st
 
 
 def _shown(rows: Iterable[Row]) -> list[str]:
-    """Return the parameters to show: of those that vary, and of whose runs a margin is known, the most frequent ones.
+    """Return the parameters to draw: the most frequent ones that vary and whose runs have a margin.
 
     A campaign has ten names of parameters for each of its scenarios, so little is kept of each.
     """
@@ -157,16 +157,16 @@ def _draw_points(axes: Axes, places: FloatArray, margin: FloatArray, passed: Boo
 
 
 class _Across(Protocol):
-    """How a parameter's values are laid out across a picture."""
+    """Layout of a parameter's values across a picture."""
 
     def prepare(self, axes: Axes) -> None:
         """Set the axis."""
 
     def places(self, values: FloatArray) -> FloatArray:
-        """Return where the points of values are."""
+        """Return the positions of values."""
 
     def draw_least(self, axes: Axes, values: FloatArray, margin: FloatArray) -> None:
-        """Draw the least margin of all runs."""
+        """Draw the least margin of the runs."""
 
 
 def _across(values: FloatArray) -> _Across:
@@ -176,7 +176,7 @@ def _across(values: FloatArray) -> _Across:
 
 @dataclass(frozen=True, slots=True)
 class _Columns:
-    """A column for each of a few values, its points side by side: otherwise they would hide one another."""
+    """A column for each of a few values; its points are spread side by side."""
 
     values: FloatArray
 
@@ -215,18 +215,18 @@ class _Scale:
 
 
 def over_decades(values: FloatArray) -> bool:
-    """Return whether values are so small for the most part that even steps would show them in one heap.
+    """Return whether most values are so small that a linear axis would put them in one heap.
 
-    Of values that are drawn with each factor as likely, over two decades, half are below a tenth of the greatest.
+    Of values drawn with equal likelihood for each factor over two decades, half are below a tenth of the greatest.
     """
     return bool(values.min() > 0.0 and np.median(values) <= values.max() / _HEAP_BELOW)
 
 
 def least_in_bins(values: FloatArray, margin: FloatArray, bins: int = _BINS) -> tuple[FloatArray, FloatArray]:
-    """Return the least margin at each value, or in each of so many even bins if there are more values.
+    """Return the least margin at each value, or in each of `bins` even bins if there are more values.
 
     Returns:
-        The values or the middles of the bins that hold any, and the least margins; both shape (n,), sorted by value.
+        The values, or the middles of the bins with any, and the least margins; both shape (n,), sorted by value.
     """
     distinct = np.unique(values)
     if len(distinct) <= bins:

@@ -1,4 +1,4 @@
-"""Write a campaign's report: what it found as JSON, pictures, and the smallest scenario for each cause of failures."""
+"""Write a campaign's report: results as JSON, pictures, and the smallest scenario for each cause of failures."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -13,24 +13,24 @@ from steptwin.features.campaigns.campaign import Campaign
 from steptwin.features.campaigns.results import Results
 from steptwin.features.campaigns.running import run_trial
 from steptwin.features.campaigns.summary import Cause, Summary, summarised
-from steptwin.features.campaigns.trial import draw, placed
-from steptwin.features.campaigns.values import AtPart, PlannedAt
+from steptwin.features.campaigns.trial import draw
+from steptwin.features.campaigns.values import AtPart, PlannedAt, placed
 from steptwin.host.common.own_files import made_folder
 from steptwin.host.common.whole_file import write_whole
 
 Fails = Callable[[dict[str, Any]], bool]
-"""Runs with a scenario's table instead of the drawn one; True if it fails as before."""
+"""Runs a scenario's table in place of the drawn one; returns True if it fails as before."""
 
 TRIES: Final = 80
-"""Runs that the shrinking of a scenario takes at most."""
+"""Largest number of runs to shrink a scenario."""
 _FAULTS: Final = "fault"
 
 
 def shrunk(table: dict[str, Any], fails: Fails, tries: int = TRIES) -> dict[str, Any]:
-    """Return the smallest table found that still fails: with fewer faults, then fewer keys, then simpler numbers.
+    """Return the smallest table found that still fails: fewer faults, then fewer keys, then simpler numbers.
 
-    Each simplification that still fails is kept, and all are tried again until none is (delta debugging; A. Zeller and
-    R. Hildebrandt, IEEE Trans. Software Eng. 28, 2002). Nothing is run twice. The table itself must fail.
+    Each simplification that still fails is kept, and all are tried again until none fails (delta debugging; A. Zeller
+    and R. Hildebrandt, IEEE Trans. Software Eng. 28, 2002). No table is run twice. The table itself must fail.
     """
     best, tried = deepcopy(table), dict[str, bool]()
     simpler = _simpler(best)
@@ -46,7 +46,7 @@ def shrunk(table: dict[str, Any], fails: Fails, tries: int = TRIES) -> dict[str,
 
 
 def _simpler(table: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield tables that are simpler by one thing, the greatest simplifications first."""
+    """Yield tables with one simplification, the largest ones first."""
     faults = table.get(_FAULTS, [])
     half = len(faults) // 2
     if half > 1:
@@ -64,7 +64,7 @@ def _simpler(table: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _simpler_numbers(value: Any) -> Iterator[Any]:
-    """Yield a value with one of the numbers in it simpler: nearer to 0, or with fewer digits."""
+    """Yield a value with one of its numbers simpler: nearer to 0, or with fewer digits."""
     if isinstance(value, dict):
         for key, item in value.items():
             for simpler in _simpler_numbers(item):
@@ -80,7 +80,7 @@ def _simpler_numbers(value: Any) -> Iterator[Any]:
 
 
 def _weaker(value: float) -> Iterator[float]:
-    """Yield numbers that are nearer to 0 and have fewer digits than one other than 0."""
+    """Yield numbers nearer to 0 or with fewer digits than a number other than 0."""
     for digits in (1, 2):
         parts = 10.0 ** (floor(log10(abs(value))) - digits + 1)
         shorter = float(f"{trunc(value / parts) * parts:.6g}")
@@ -93,17 +93,17 @@ def _weaker(value: float) -> Iterator[float]:
 
 
 _LEAST: Final = 1e-3
-"""Numbers are not halved below this: an instant of 1 ms is early enough."""
+"""Smallest number that is halved: an instant of 1 ms is early enough."""
 
 
 FOLDER: Final = "report"
 _CAUSES_SHRUNK: Final = 12
-"""Causes whose scenarios are shrunk, the most frequent first: each takes a minute."""
+"""Largest number of causes whose scenarios are shrunk, the most frequent first; each takes a minute."""
 
 
 @dataclass(frozen=True, slots=True)
 class WrittenReport:
-    """A report on disk: what it says, its files, and whether there are pictures among them."""
+    """A report on disk: its content, its files, and whether it has pictures."""
 
     summary: Summary
     files: tuple[str, ...]
@@ -113,9 +113,9 @@ class WrittenReport:
 def write_report(
     results: Results, campaign: Campaign, folder: Path, tried: Callable[[str], None] = lambda _: None
 ) -> WrittenReport:
-    """Write the report of the rows that are there into the folder `report` of a campaign's.
+    """Write the report of the existing rows into the folder `report` of a campaign.
 
-    `tried` is called with the cause before each run by which its scenario is shrunk.
+    `tried` is called with the cause before each run that shrinks its scenario.
 
     Raises:
         InputError: a file of rows is damaged.
@@ -142,9 +142,9 @@ def write_report(
 
 
 def smallest_scenario(campaign: Campaign, cause: Cause, folder: Path, tried: Callable[[str], None]) -> str:
-    """Return, as TOML, the smallest scenario found after which the cause's first run still fails alike.
+    """Return, as TOML, the smallest scenario that makes the cause's first run fail alike.
 
-    It is empty if the run fails no more, as after a repair of what it found.
+    The text is empty if the run does not fail any more, as after a repair.
     """
     import tomlkit
 

@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from steptwin.features.campaigns.campaign import Campaign, MotionChoice, ScenarioChoice, Sources
-from steptwin.features.campaigns.reader import parse_campaign
+from steptwin.features.campaigns.campaign import Campaign, DrawnMotion, ScenarioChoice, parse_campaign
+from steptwin.features.campaigns.sources import Sources
 from steptwin.host.cli.arguments import CheckedFile
 from steptwin.host.cli.output import number_of, print_table, say
 from steptwin.host.common.errors import InputError
@@ -24,12 +24,12 @@ def check_campaign(file: str, text: str, robot_name: str | None, findings: Findi
 
 
 def _document(campaign: Campaign) -> dict[str, Any]:
-    motions, scenarios = campaign.motions, campaign.scenarios
+    motions, scenarios = campaign.motion, campaign.scenario
     return {
         "runs": campaign.runs,
         "first_seed": campaign.first_seed,
         "robots": list(campaign.robots),
-        "motions": _choices(campaign, motions, lambda choice: str(choice.motion)),
+        "motions": _choices(campaign, motions, str),
         "scenarios": [
             told | {"faults": _faults(choice)}
             for told, choice in zip(_choices(campaign, scenarios, lambda choice: choice.name), scenarios, strict=True)
@@ -41,7 +41,7 @@ def _document(campaign: Campaign) -> dict[str, Any]:
 
 
 def _choices(
-    campaign: Campaign, choices: Sequence[MotionChoice | ScenarioChoice], name: Callable[[Any], str]
+    campaign: Campaign, choices: Sequence[DrawnMotion | ScenarioChoice], name: Callable[[Any], str]
 ) -> list[dict[str, Any]]:
     """Return of each choice its name, its robots, and the part of all runs that are to have it."""
     weights = dict.fromkeys(campaign.robots, 0.0)

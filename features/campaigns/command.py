@@ -32,7 +32,7 @@ _SEEDS_SHOWN = 5
 
 
 def print_summary(summary: "Summary") -> None:
-    """Print pass rates, worst cases and causes; the verdict last."""
+    """Print pass rates, worst cases and causes, and the verdict last."""
     rows = [
         [what, name, *_rate(rate)]
         for what, rates in (*summary.groups.items(), ("invariants", summary.invariants))
@@ -92,7 +92,7 @@ Show = Callable[[Sequence["Row"]], None]
 
 @contextmanager
 def campaign_bar(runs: int, before: int) -> Iterator[Show]:
-    """Show a bar while the block makes runs, some of which were there before; the block calls back with new rows."""
+    """Show a bar while the block makes runs, `before` of which are done; yield a function for new rows."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
     began_s, made, failed = monotonic(), 0, 0
@@ -112,7 +112,7 @@ def campaign_bar(runs: int, before: int) -> Iterator[Show]:
 
 @contextmanager
 def tries_bar() -> Iterator[Callable[[str], None]]:
-    """Show which cause is being shrunk while the block shrinks; the block calls back with it before each run."""
+    """Show the cause whose scenario is being shrunk; yield a function for the cause, called before each run."""
     from rich.progress import SpinnerColumn, TextColumn
 
     with _bar(SpinnerColumn(), TextColumn("{task.description}", markup=False)) as bar:
@@ -121,7 +121,7 @@ def tries_bar() -> Iterator[Callable[[str], None]]:
 
 
 def _bar(*columns: "ProgressColumn") -> "Progress":
-    """Return a progress bar on stderr, which shows nothing where that is no terminal."""
+    """Return a progress bar on stderr; it is invisible without a terminal."""
     from rich.console import Console
     from rich.progress import Progress
 
@@ -135,7 +135,7 @@ _REPORT: Final = "report"
 
 @dataclass(frozen=True, slots=True)
 class CampaignOptions:
-    """The options that say how many runs a campaign makes, who makes them, and where they go."""
+    """Options of a campaign: number of runs, workers, and output folder."""
 
     runs: int | None = option("N", "Number of runs instead of the file's; more continue a campaign.", min=1)
     workers: int | None = option("N", "Processes of this computer; by default one for each core.", min=1)
@@ -144,13 +144,13 @@ class CampaignOptions:
     faults: str | None = option("FILE", "Scenario for a run that is made again, such as a shrunk one of the report.")
 
     def refuse_beside(self, *used: str) -> None:
-        """Raise InputError if another option is given than those that are used."""
+        """Raise InputError if an option is given beside those that are used."""
         for name, value in given_options(self).items():
             if name not in used:
                 raise InputError(f"{name} {value}: has no effect here")
 
     def folder(self, what: str, make: Callable[[str], Path]) -> Path:
-        """Make the folder of --out; raise InputError, with what it is for, if it is not given."""
+        """Create the folder of --out; raise InputError, with its purpose, if it is missing."""
         if self.out is None:
             raise InputError(f"--out DIR is missing: the folder for {what}")
         return make(self.out)
@@ -204,9 +204,9 @@ def _seed(text: str) -> int:
 
 
 def _run(answer: AnswerOptions, asked: CampaignOptions, file: str) -> None:
-    from steptwin.features.campaigns.campaign import RUNS_MAX, sources_of_file
-    from steptwin.features.campaigns.reader import read_campaign
+    from steptwin.features.campaigns.campaign import RUNS_MAX, read_campaign
     from steptwin.features.campaigns.results import Results
+    from steptwin.features.campaigns.sources import sources_of_file
     from steptwin.features.campaigns.summary import summarised
 
     sources = sources_of_file(file)
@@ -262,10 +262,10 @@ def _make_runs(campaign: "Campaign", results: "Results", processes: int, schedul
 
 
 def _kept(folder: Path) -> "tuple[Campaign, Results]":
-    """Return the campaign of a folder, with as many runs as --runs has made of it, and its results."""
-    from steptwin.features.campaigns.campaign import sources_of_results
-    from steptwin.features.campaigns.reader import read_campaign
+    """Return the campaign of a folder, with the number of runs by --runs, and its results."""
+    from steptwin.features.campaigns.campaign import read_campaign
     from steptwin.features.campaigns.results import Results
+    from steptwin.features.campaigns.sources import sources_of_results
 
     kept, _ = read_campaign(sources_of_results(folder))
     results = Results(folder)
@@ -273,7 +273,7 @@ def _kept(folder: Path) -> "tuple[Campaign, Results]":
 
 
 def _rerun(answer: AnswerOptions, asked: CampaignOptions, folder: Path, seed: int) -> None:
-    from steptwin.features.campaigns.reader import read_scenario_table
+    from steptwin.features.campaigns.campaign import read_scenario_table
     from steptwin.features.campaigns.running import perform, row_of
     from steptwin.features.campaigns.trial import draw, with_varied_file
     from steptwin.features.motors.run import MotorRunHook

@@ -1,4 +1,4 @@
-"""What must hold in every run, whatever goes wrong: nothing may fail in silence."""
+"""Invariants of every run, whatever goes wrong: nothing may fail in silence."""
 
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -16,17 +16,17 @@ from steptwin.host.verify import AxisEvidence
 from steptwin.protocol.cia402 import ErrorCode
 
 _STEPS_OFF_MAX: Final = 0.5
-"""Steps by which a motor may stand beside the position that its drive reports: reports are whole units of it."""
+"""Largest distance in steps of a motor from the position that its drive reports; reports are whole units."""
 
 
 @dataclass(frozen=True, slots=True)
 class Invariant:
-    """Something that must hold.
+    """A condition that every run must meet.
 
     Attributes:
-        what: it in words.
-        asked: whether a run is asked for it.
-        broken: yields what did not hold in such a run, with a detail.
+        what: the condition as text.
+        asked: returns whether it applies to a run.
+        broken: yields each violation in such a run, with a detail.
     """
 
     what: str
@@ -43,18 +43,18 @@ def _knowable(run: Performance) -> bool:
 
 
 def _kept_current(run: Performance) -> bool:
-    """Return whether nothing has happened that may turn a motor away from its steps."""
+    """Return whether nothing has happened that may move a motor off its steps."""
     return not any(fault.reaction is not None and fault.reaction.motion is Motion.CUT for fault in run.faults)
 
 
 def _silent_loss(run: Performance) -> Iterator[tuple[str, str]]:
-    """A host that came to the motion's end without an error takes it for done: then every step must be there."""
+    """Yield lost steps of a run that the host has ended without an error; it believes that every step is there."""
     for reason in run.reasons[:1]:
         yield "the motion was not as planned, and nothing said so", reason
 
 
 def _unseen_loss(run: Performance) -> Iterator[tuple[str, str]]:
-    """What no board can know, the verifier must see; it judges steps, not rotors that slip by themselves."""
+    """Yield losses that no board can notice and that the verifier missed; it judges steps, not rotors that slip."""
     for claim in run.claims if not run.reasons else ():
         lost_steps = claim.off_steps - claim.slipped_steps
         if abs(lost_steps) > _STEPS_OFF_MAX:
@@ -108,14 +108,14 @@ def _strange_answers(run: Performance) -> Iterator[tuple[str, str]]:
 
 
 def _without_particulars(text: str, joints: tuple[str, ...]) -> str:
-    """Return a text without numbers and names of joints, so that like findings are alike; codes stay."""
+    """Return a text without numbers and names of joints, which makes like violations alike; codes stay."""
     for name in joints:
         text = re.sub(rf"\b{re.escape(name)}\b", "JOINT", text)
     return re.sub(r"(?<![\w.])[-+]?\d+(\.\d+)?(?!\w)", "N", text)
 
 
 def _ran_dry(run: Performance) -> Iterator[tuple[str, str]]:
-    """Boards have no error code for a queue that runs dry at rest: only a fault that keeps points away explains it."""
+    """Return whether a queue ran dry without an error code, as at standstill; only delayed points do it."""
     starved = any(fault.reaction and ErrorCode.PVT_UNDERRUN in fault.reaction.codes for fault in run.faults)
     if RAN_DRY in run.message and not starved:
         yield "the stream ran dry, and no fault explains it", run.message
@@ -171,14 +171,14 @@ INVARIANTS: Final[Mapping[str, Invariant]] = {
         _slipped,
     ),
 }
-"""The invariants by name, the gravest first; `program` is found where a run is made."""
+"""Invariants by name, the gravest first; `program` is checked where a run is made."""
 
 
 def asked_of(run: Performance) -> tuple[str, ...]:
-    """Return the names of the invariants that a run is asked for."""
+    """Return the names of the invariants that apply to a run."""
     return tuple(name for name, invariant in INVARIANTS.items() if invariant.asked(run))
 
 
 def breaches_of(run: Performance) -> tuple[Breach, ...]:
-    """Return everything that did not hold in a run, the gravest first."""
+    """Return all violations in a run, the gravest first."""
     return tuple(Breach(name, what, detail) for name in asked_of(run) for what, detail in INVARIANTS[name].broken(run))

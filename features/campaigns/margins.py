@@ -1,4 +1,4 @@
-"""What is left to each limit in a run: 1 all of it, 0 nothing, below 0 beyond it."""
+"""Margins of a run to each limit: 1 is the full margin, 0 none, below 0 a violation."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass
@@ -18,14 +18,14 @@ from steptwin.host.verify.figures import FigureLimit, declared_figures, figure_v
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """What a drive says of its position after the motion, and where its motor stands.
+    """Position that a drive reports after the motion, compared with that of its motor.
 
     Attributes:
         joint: name of the joint.
-        known: whether the drive says that it knows its position.
-        off_steps: steps by which the motor stands beyond the position that the drive reports.
-        slipped_steps: part of them by which a rotor that turns with the board has slipped by itself: the driver has
-            made other steps, and no count of them can tell it. 0 if no motors turn with the board.
+        known: True if the drive reports that it knows its position.
+        off_steps: steps of the motor beyond the reported position.
+        slipped_steps: part of them from slips of a rotor that turns with the board; the driver's counts cannot show it.
+            0 without motors in the loop.
     """
 
     joint: str
@@ -36,18 +36,18 @@ class Claim:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Performance:
-    """A run that was made.
+    """A completed run.
 
     Attributes:
-        trial: what was drawn.
+        trial: the drawn run.
         ended: how it ended.
         message: why it ended before the motion's end; empty otherwise.
-        outcome: its result; None if the machine could not even be set up.
-        own_time: the verdict by the time of the boards' own crystals; None if all are exact.
-        claims: what each drive says after the motion; empty if the nodes did not answer.
-        axes: everything at the drivers from power-up to the end, the recovery included.
-        recovery: what became of the machine; None if it was not recovered.
-        motors: what the motors did; None if they were not turned.
+        outcome: its result; None if the machine could not be set up.
+        own_time: verdict by the boards' own crystals; None if all are exact.
+        claims: reported positions after the motion; empty if the nodes did not answer.
+        axes: drivers' records from power-up to the end, with the recovery.
+        recovery: result of the recovery; None without one.
+        motors: verdict on the motors; None if they were not turned.
         simulated_s: simulated time.
     """
 
@@ -64,19 +64,19 @@ class Performance:
 
     @property
     def faults(self) -> tuple[FaultReport, ...]:
-        """The scenario's faults, and what answered; empty without a scenario."""
+        """Reports of the scenario's faults; empty without a scenario."""
         report = None if self.outcome is None else report_in(self.outcome.verdicts)
         return () if report is None else report.faults
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why the drivers' counts are not as planned, whatever rotors did; empty if they are."""
+        """Why the drivers' counts differ from the plan; empty if they do not. Rotors are not judged here."""
         late = () if self.outcome is None else self.outcome.late_reasons
         return () if self.report is None else tuple(each for each in self.report.reasons if each not in late)
 
     @property
     def report(self) -> Report | None:
-        """The verdict, by the boards' own time where a crystal is off; None if the machine could not be set up."""
+        """Verdict, by the boards' own time if a crystal is off; None if the machine could not be set up."""
         if self.own_time is not None or self.outcome is None:
             return self.own_time
         return self.outcome.report
@@ -85,14 +85,14 @@ class Performance:
     def unknowable(self) -> bool:
         """True if a fault has struck that no board without encoders can notice, such as a broken STEP wire.
 
-        The documented reaction says so: only `verify` tells it.
+        Its documented reaction says that only `verify` can tell it.
         """
         return any(fault.reaction is not None and not fault.reaction.verified for fault in self.faults)
 
 
 @dataclass(frozen=True, slots=True)
 class Margin:
-    """A margin: what it is, in words, and how a run tells it; None if the run does not."""
+    """A margin: its name as text, and a function of a run, which returns None if the run does not have it."""
 
     what: str
     of: Callable[[Performance], float | None]
@@ -103,7 +103,7 @@ def _least(values: Iterable[float | None]) -> float | None:
 
 
 def _of_figure(limit: FigureLimit, performance: Performance) -> float | None:
-    """Return the least of all axes in a run that made what was planned: otherwise the plan tells nothing."""
+    """Return the least margin of all axes, in a run that executed its plan; the plan says nothing about other runs."""
     report, robot = performance.report, performance.trial.setup.robot
     if performance.ended is not Ended.DONE or report is None or performance.unknowable:
         return None
@@ -140,7 +140,7 @@ def _load_angle(performance: Performance) -> float | None:
 
 
 _SLIPS_DEG: Final = 180.0
-"""Electrical angle at which a rotor slips (docs/motors.md)."""
+"""Electrical angle where a rotor slips (docs/motors.md)."""
 
 _OTHERS: Final[Mapping[str, Margin]] = {
     "bus": Margin("load of the bus", _bus),
@@ -151,6 +151,6 @@ _OTHERS: Final[Mapping[str, Margin]] = {
 
 
 def all_margins() -> dict[str, Margin]:
-    """Return the margins by name, in the order of reports: first those of figures of the axes."""
+    """Return the margins by name, in the order of reports, those of the axes' figures first."""
     limits = [figure.limit for figure in reversed(declared_figures()) if figure.limit]
     return {limit.name: Margin(limit.says, partial(_of_figure, limit)) for limit in limits} | dict(_OTHERS)

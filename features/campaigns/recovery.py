@@ -13,34 +13,35 @@ from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
 _WAY: Final = 0.01
-"""Part of each joint's range by which it moves at the end."""
+"""Fraction of each joint's range for its move at the end."""
 _QUIET_S: Final = 0.7
-"""Time before anything is done: boards that were reset are up again, and nobody babbles any more."""
+"""Wait before the recovery; reset boards have restarted and rogue nodes are silent by then."""
 _LONGER: Final = 10
-"""Factor of all waits during the recovery."""
+"""Factor on all waits during the recovery."""
 _EDGE_MAX_STEPS: Final = 1.0
-"""Steps by which homing may find an axis elsewhere: it takes the whole step where it sees the edge of the switch,
-but the edge falls between two where a rotor was put back by part of one, or another motor turns the joint along."""
+"""Largest difference in steps between two homings of an axis. Homing takes the whole step at the switch's edge. The
+edge may fall between two steps if a rotor was put back by a fraction of one, or if another motor turns the joint, too.
+"""
 _TOKEN: Final = 1
-"""Under which the operator is in charge: a random one changes the lengths of frames, and so the time of the run."""
+"""Token of the operator's lease. A random one would change the lengths of frames, and the time of the run."""
 _LAG_MAX_FULL_STEPS: Final = 1.0
-"""Full steps by which a rotor that turns with the board may lag while it finds a switch: a load angle of 90 degrees."""
+"""Largest lag in full steps of a rotor in the loop while it finds a switch: a load angle of 90 degrees."""
 _SWING_MAX_FULL_STEPS: Final = 0.1
-"""Way in _LOOK_S within which a rotor stands: it swings by that much, or less."""
+"""Largest motion in _LOOK_S of a rotor at standstill, including oscillation."""
 _LOOK_S: Final = 0.1
 _LOOKS: Final = 10
-"""Instants when it is looked at in this time: several in each swing, which take 0.2 s at most."""
+"""Number of looks in this time: several in each oscillation, which takes 0.2 s at most."""
 _SETTLING_MAX_S: Final = 10.0
-"""Longest wait for it: the homing tells whether the machine works again."""
+"""Longest wait for it; the homing then shows whether the machine works again."""
 
 
 @dataclass(frozen=True, slots=True)
 class Recovery:
-    """What became of the machine.
+    """Result of a recovery.
 
     Attributes:
-        failed: what did not work, without numbers; empty if everything did.
-        detail: more about it.
+        failed: what did not work, without numbers; empty on success.
+        detail: further details.
     """
 
     failed: str = ""
@@ -48,7 +49,7 @@ class Recovery:
 
 
 def recover(board: EmbeddedBoard) -> Recovery:
-    """Reset the drives of a repaired machine, home the joints that can be homed, move them all, compare positions."""
+    """Reset the drives of a repaired machine, home its joints, move them all, and compare positions."""
     session, doing = Session(_Unhurried(board), board.robot, _TOKEN), "the reset"
     board.wait(_QUIET_S)
     try:
@@ -57,7 +58,7 @@ def recover(board: EmbeddedBoard) -> Recovery:
             _let_settle(session, board)
         doing = "homing"
         _home(session)
-        standing = session.machine.positions_units()  # the counts: a demand may lie between two steps
+        standing = session.machine.positions_units()  # the counts, since a demand may lie between two steps
         if off := _off(board, standing):
             return Recovery("homing found another position", off)
         doing = "a move"
@@ -77,9 +78,9 @@ def recover(board: EmbeddedBoard) -> Recovery:
 
 
 def _let_settle(session: Session, board: EmbeddedBoard) -> None:
-    """Switch the drives on and wait until no rotor swings: a homing that began meanwhile would stall.
+    """Switch the drives on and wait until no rotor oscillates; otherwise a homing would stall.
 
-    A driver that is switched on again takes its rotor up to two full steps away, and little damps the swing.
+    A driver that is switched on again moves its rotor by up to two full steps, with little damping.
     """
     with session.charge("hold", needs=()) as charge:
         charge.enable()
@@ -89,7 +90,7 @@ def _let_settle(session: Session, board: EmbeddedBoard) -> None:
 
 
 def _swing(board: EmbeddedBoard) -> bool:
-    """Return whether a rotor has moved in _LOOK_S, which pass."""
+    """Let _LOOK_S pass; return whether a rotor has moved."""
     seen = []
     for _ in range(_LOOKS):
         board.wait(_LOOK_S / _LOOKS)
@@ -102,9 +103,9 @@ def _swing(board: EmbeddedBoard) -> bool:
 
 
 class _Unhurried:
-    """A link to a board on which each wait lasts longer: homing asks less often whether it is done.
+    """A link to a board with longer waits: homing polls its end less often.
 
-    Asking took most of the time of a run.
+    Polling took most of the time of a run.
     """
 
     def __init__(self, board: EmbeddedBoard) -> None:
@@ -113,7 +114,7 @@ class _Unhurried:
 
     @property
     def held_up_s(self) -> float:
-        """Simulated time waits for this program: 0."""
+        """Time during which the simulation waited for this program: 0."""
         return self._board.held_up_s
 
     def now_s(self) -> float:
@@ -121,19 +122,19 @@ class _Unhurried:
         return self._board.now_s()
 
     def wait(self, dt_s: float) -> None:
-        """Let time pass, several times as much as asked for."""
+        """Let time pass, several times the given one."""
         self._board.wait(_LONGER * dt_s)
 
 
 def _home(session: Session) -> None:
-    """Home the joints that have a homing, all together; they stay where it ends."""
+    """Home all joints that have a homing together; they stay at its end."""
     names = [joint.name for joint in session.robot.joints if joint.homing is not None]
     if names:
         home_robot(session, joints=names, together=True, stay=True)
 
 
 def _goal(session: Session, units: list[int]) -> list[float]:
-    """Return a position near another one, each joint within its limits, on the side where its range is longer."""
+    """Return a position near another one, within the joint's limits, on the side with the longer range."""
     standing = session.positions(units)
     return [_near(joint, position) for position, joint in zip(standing, session.robot.joints, strict=True)]
 
@@ -146,7 +147,7 @@ def _near(joint: Joint, position: float) -> float:
 
 
 def _off(board: EmbeddedBoard, reported_units: list[int]) -> str:
-    """Return of the first joint whose motor is not where its drive says it is, how far off; empty if all are."""
+    """Return a text about the first joint whose motor is away from its reported position; empty if none is."""
     offs = zip(board.robot.axes, steps_off(board, reported_units), steps_off_max(board), strict=True)
     return next((_told(joint.name, steps, most) for joint, steps, most in offs if abs(steps) > most), "")
 
@@ -157,10 +158,10 @@ def _told(name: str, steps: float, most: float) -> str:
 
 
 def steps_off_max(board: EmbeddedBoard) -> list[float]:
-    """Return by how many steps homing may find each motor elsewhere than it is.
+    """Return the largest difference in steps of each motor between two homings.
 
-    That is a step, with the lag of a rotor that turns with the board. A switch of a coupled joint closes where all
-    motors of the joint have turned it to: what is allowed to those homed before comes on top, in steps of this one.
+    It is a step, plus the lag of a rotor in the loop. The switch of a coupled joint depends on all motors of the joint,
+    so the differences of joints that were homed before are added, in steps of this motor.
     """
     robot = board.robot
     lag = _LAG_MAX_FULL_STEPS if board.motors_turn else 0.0
@@ -176,6 +177,6 @@ def steps_off_max(board: EmbeddedBoard) -> list[float]:
 
 
 def steps_off(board: EmbeddedBoard, reported_units: list[int]) -> list[float]:
-    """Return by how many steps of the robot's file each motor is held beyond the position that its drive reports."""
+    """Return the distance of each motor from its drive's reported position, in steps of the robot's file."""
     held = zip(board.held_positions(), reported_units, board.robot.axes, strict=True)
     return [steps - units * joint.transmission.microsteps / UNITS_PER_FULL_STEP for steps, units, joint in held]

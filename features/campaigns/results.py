@@ -1,8 +1,7 @@
-"""The folder of a campaign: the campaign itself, and its rows as Parquet files that appear whole or not at all.
+"""The folder of a campaign: the campaign itself, and its rows as Parquet files, each written whole or not at all.
 
-Each file holds the rows of some runs. What is written stays: a campaign that was interrupted makes the runs whose rows
-are missing. Only files with the names that are given here count, and each run counts once. docs/campaigns.md describes
-the columns.
+Each file holds the rows of some runs and stays as it is. An interrupted campaign makes the missing runs later. Only
+files with the names below count, and each run counts once. docs/campaigns.md describes the columns.
 """
 
 import re
@@ -27,17 +26,17 @@ if TYPE_CHECKING:
 _ROWS: Final = "rows"
 """Folder of the Parquet files."""
 _PART: Final = re.compile(r"part-(\d{6,9})\.parquet")
-"""Name of a file of rows; any other in the folder is not a campaign's, and left alone."""
+"""Pattern of the names of files with rows; other files in the folder are left alone."""
 _LOCK: Final = "running"
-"""File that a running campaign holds."""
+"""File that a running campaign locks."""
 PART_ROWS: Final = 1000
-"""Rows after which a file is written."""
+"""Number of rows in a file."""
 PART_S: Final = 30.0
-"""Time after which a file is written with the rows that there are: so much is lost when the power fails."""
+"""Longest time between two files; rows of this time are lost in a power failure."""
 
 
 class Results:
-    """The rows in a campaign's folder."""
+    """Rows in a campaign's folder."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -46,7 +45,7 @@ class Results:
 
     @property
     def parts(self) -> list[Path]:
-        """The files with rows, in the order that they were written."""
+        """Files with rows, in the order of writing."""
         return [path for _, path in sorted(self._numbered())]
 
     def _numbered(self) -> Iterator[tuple[int, Path]]:
@@ -55,10 +54,10 @@ class Results:
                 yield int(name[1]), path
 
     def done(self, seeds: range) -> NDArray[np.bool_]:
-        """Return for each of the seeds whether its row is there, after all files have been checked.
+        """Return, for each seed, whether its row exists; all files are checked.
 
         Raises:
-            InputError: a file is damaged or has impossible values, or a seed is there twice.
+            InputError: a file is damaged or has impossible values, or a seed occurs twice.
         """
         done = np.zeros(len(seeds), np.bool_)
         for _ in self._tables(seeds, done):
@@ -71,17 +70,17 @@ class Results:
             yield from rows_of(table)
 
     def row(self, seed: int) -> Row | None:
-        """Return the row of a seed; None if it is not there. Raises as `done`."""
+        """Return the row of a seed; None if it does not exist. Raises as `done`."""
         return next(self.rows(range(seed, seed + 1)), None)
 
     def runs_there(self, first_seed: int) -> int:
-        """Return the number of runs up to the last one whose row is there: a campaign's file may have fewer now."""
+        """Return the number of runs up to the last one with a row; the campaign's file may now have fewer."""
         seeds = range(first_seed, first_seed + RUNS_MAX)
         last = max((int(each.column("seed").to_numpy().max()) for each in self._tables(seeds) if len(each)), default=-1)
         return max(last - first_seed + 1, 0)
 
     def _tables(self, seeds: range, done: NDArray[np.bool_] | None = None) -> "Iterator[pa.Table]":
-        """Yield the rows of seeds in each file; with a mask of the seeds, mark them, and refuse one that is marked."""
+        """Yield the rows of seeds in each file; with a mask of the seeds, mark them, and refuse a marked one."""
         for part in self.parts:
             table = read_table(part)
             found = np.asarray(table.column("seed").to_numpy()) - seeds.start
@@ -95,7 +94,7 @@ class Results:
 
     @contextmanager
     def writing(self) -> Iterator[None]:
-        """Keep the folder for this program while the block runs; at its end, whatever ends it, write what waits.
+        """Lock the folder while the block runs; write waiting rows at its end, even after an error.
 
         Raises:
             InputError: another program runs this campaign.
@@ -109,13 +108,13 @@ class Results:
                 self.flush()
 
     def add(self, rows: Iterable[Row]) -> None:
-        """Keep rows; write a file when there are enough of them, or enough time has passed."""
+        """Add rows; write a file if there are enough, or if enough time has passed."""
         self._waiting += rows
         if len(self._waiting) >= PART_ROWS or time.monotonic() - self._written_s > PART_S:
             self.flush()
 
     def flush(self) -> None:
-        """Write the rows that wait."""
+        """Write waiting rows."""
         if self._waiting:
             write_rows(self._next_part(), self._waiting)
             self._waiting = []
@@ -128,9 +127,9 @@ class Results:
 
 @contextmanager
 def _locked(path: Path) -> Iterator[None]:
-    """Hold a file that only one program can hold; the system lets it go when the program ends."""
+    """Lock a file for this program alone; the system unlocks it when the program ends."""
     with growing_file(path) as file:
-        if sys.platform != "win32":  # there a second program is not noticed
+        if sys.platform != "win32":  # a second program goes unnoticed there
             import fcntl
 
             try:

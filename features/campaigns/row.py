@@ -13,22 +13,27 @@ from pathlib import Path
 from stat import S_ISREG
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, get_origin, get_type_hints
 
-from steptwin.features.campaigns.campaign import source_version
+from steptwin.features.campaigns.sources import source_version
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_limits import (
-    ROW_FILE_BYTES_MAX,
-    ROW_FILE_GROUPS_MAX,
-    ROW_FILE_ROWS_MAX,
-    ROW_FILE_TEXTS_MAX,
-    ROW_FILE_VALUES_MAX,
-    ROW_TEXT_CHARS_MAX,
-    size_text,
-)
+from steptwin.host.common.file_limits import MIB, size_text
 from steptwin.host.common.whole_file import whole_file
 
 if TYPE_CHECKING:
     import pyarrow as pa
+
+ROW_FILE_ROWS_MAX: Final = 10_000
+"""Rows in a Parquet file of a campaign, which has 1 000 and those of the tasks that end meanwhile."""
+ROW_FILE_GROUPS_MAX: Final = 16
+"""Groups of rows in it: it is written as one."""
+ROW_FILE_VALUES_MAX: Final = 1_000_000
+"""Values in one of its columns: a row has some ten parameters, and 1 000 for a scenario of 250 faults."""
+ROW_FILE_TEXTS_MAX: Final = 100_000
+"""Different texts in a column, which a report counts: 1 000 rows of as many scenarios have some 10 000 parameters."""
+ROW_FILE_BYTES_MAX: Final = 64 * MIB
+"""Its size, and what it takes unpacked: a row has some 2 KiB."""
+ROW_TEXT_CHARS_MAX: Final = 10_000
+"""Characters of a text in a row: longer ones are cut before they are written."""
 
 
 class Ended(StrEnum):

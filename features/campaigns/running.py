@@ -1,4 +1,4 @@
-"""Make one run of a campaign in this process, in virtual time: no files, no pictures, the same row every time."""
+"""Make one run of a campaign in this process, in virtual time, without files or pictures; always with the same row."""
 
 import logging
 import time
@@ -30,13 +30,13 @@ from steptwin.protocol.cia402 import Status
 
 _SIGNIFICANT_DIGITS = 6
 
-# Runs where nodes fall silent are no news: a worker's log would be full of these libraries' warnings.
+# Silent nodes are expected in runs; these libraries' warnings would fill a worker's log.
 for library in ("can", "canopen"):
     logging.getLogger(library).addHandler(logging.NullHandler())
 
 
 def run_seed(campaign: Campaign, seed: int) -> Row:
-    """Draw and make the run of a seed; whatever goes wrong is in its row."""
+    """Draw and make the run of a seed; errors go to its row."""
     try:
         trial = draw(campaign, seed)
     except InputError as error:
@@ -45,7 +45,7 @@ def run_seed(campaign: Campaign, seed: int) -> Row:
 
 
 def run_trial(trial: Trial) -> Row:
-    """Make a run; whatever goes wrong is in its row."""
+    """Make a run; errors go to its row."""
     began_s = time.perf_counter()
     try:
         row = row_of(perform(trial))
@@ -59,17 +59,17 @@ def run_trial(trial: Trial) -> Row:
 
 
 def _row(trial: Trial, ended: Ended, message: str) -> Row:
-    """Return what a row says of the draw and of the end."""
+    """Return a row with the drawn values and the end of a run."""
     parameters, choices = split_parameters(trial.parameters)
     own = (trial.seed, trial.robot_name, trial.motion, trial.scenario)
     return Row(*own, ended, message, parameters=parameters, choices=choices)
 
 
 def perform(trial: Trial) -> Performance:
-    """Make a run and look at what it did; recover the machine and turn its motors if the campaign wants that.
+    """Make a run; recover the machine and turn its motors if the campaign requires it.
 
     Raises:
-        InputError: the robot, as drawn, cannot make the motion, or lacks what a fault concerns.
+        InputError: the robot, as drawn, cannot make the motion, or lacks the target of a fault.
     """
     plan = trial.plan()
     scenario = trial.scenario_in(plan)
@@ -90,7 +90,7 @@ def perform(trial: Trial) -> Performance:
     except (DeviceFaultError, BusError) as error:
         message = str(error)
     (board,) = boards
-    repair(board)  # and another host, if the first has died
+    repair(board)  # another host, if the first one has died
     claims, own_time = _claims(board), _by_own_clocks(trial, board, outcome)
     recovery = recover(board) if trial.recover else None
     return Performance(
@@ -113,7 +113,7 @@ def _kernel() -> Kernel:
 
 
 def _claims(board: EmbeddedBoard) -> tuple[Claim, ...]:
-    """Ask every drive for its position, as an operator would; return nothing if one does not answer."""
+    """Return every drive's reported position, read as an operator would; empty if one does not answer."""
     axes = Session(board, board.robot).machine.axes
     try:
         said = [(axis.read(od.STATUSWORD), axis.read(od.POSITION_ACTUAL)) for axis in axes]
@@ -136,14 +136,14 @@ def _motors(trial: Trial, outcome: Outcome | None) -> MotorVerdict | None:
 
 
 def _by_own_clocks(trial: Trial, board: EmbeddedBoard, outcome: Outcome | None) -> Report | None:
-    """Verify a run of boards whose crystals are off by their own time; return None if all are exact."""
+    """Verify a run by the boards' own time if their crystals are off; return None if all are exact."""
     if outcome is None or not any(trial.setup.crystals_ppm):
         return None
     return verify(outcome.comparison.expected, board.evidence_by_own_clocks(), outcome.report.run)
 
 
 def row_of(run: Performance) -> Row:
-    """Return the row of a run, without the time that it took."""
+    """Return the row of a run, without its computing time."""
     margins = {name: margin.of(run) for name, margin in all_margins().items()}
     return replace(
         _row(run.trial, run.ended, run.message),

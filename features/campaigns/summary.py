@@ -1,4 +1,4 @@
-"""What a campaign has found: pass rates, worst cases, and the failed runs by their causes."""
+"""Results of a campaign: pass rates, worst cases, and the failed runs by cause."""
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping
@@ -16,48 +16,48 @@ _Z: Final = 1.959963984540054
 
 
 class PassRate(NamedTuple):
-    """So many of some runs passed."""
+    """Number of passed runs among some runs."""
 
     passed: int
     runs: int
 
     @property
     def rate(self) -> float:
-        """Part of the runs that passed; NaN without runs."""
+        """Fraction of the runs that passed; NaN without runs."""
         return self.passed / self.runs if self.runs else float("nan")
 
     @property
     def interval(self) -> tuple[float, float]:
         """Wilson's score interval of 95 % for the true rate (E. B. Wilson, JASA 22, 1927); 0 to 1 without runs.
 
-        It stays within 0 and 1 and is right for few runs and for rates near 1, as campaigns have them: after n runs
-        that all passed the lower end is n / (n + 3.84).
+        It stays within 0 and 1 and is accurate for few runs and for rates near 1, as campaigns have them. If all of n
+        runs passed, its lower end is n / (n + 3.84).
         """
         if not self.runs:
             return 0.0, 1.0
         n, p, z2 = self.runs, self.passed / self.runs, _Z * _Z
         middle = (p + z2 / (2 * n)) / (1 + z2 / n)
         half = _Z / (1 + z2 / n) * sqrt(p * (1 - p) / n + z2 / (4 * n * n))
-        # The exact ends of these two cases are 0 and 1, which rounding would miss.
+        # The exact ends of these two cases are 0 and 1; rounding would miss them.
         lower = 0.0 if self.passed == 0 else middle - half
         upper = 1.0 if self.passed == self.runs else middle + half
         return lower, upper
 
 
 _SEEDS_SHOWN: Final = 10
-"""Seeds of each cause that are named."""
+"""Number of seeds that are named for each cause."""
 
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """Runs that failed alike.
+    """Runs that failed in the same way.
 
     Attributes:
-        text: what failed, after which faults.
-        runs: how many.
-        seeds: their seeds, the first of them.
-        example: what was found in the run of the first seed.
-        robots: how many of them each robot had.
+        text: the failure, and the faults before it.
+        runs: number of runs.
+        seeds: the first of their seeds.
+        example: violation in the run of the first seed.
+        robots: number of these runs by robot.
     """
 
     text: str
@@ -69,7 +69,7 @@ class Cause:
 
 @dataclass(frozen=True, slots=True)
 class Worst:
-    """The run that came nearest to a limit."""
+    """Run with the least margin to a limit."""
 
     margin: str
     left: float
@@ -78,22 +78,22 @@ class Worst:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What a campaign has found.
+    """Results of a campaign.
 
     Attributes:
         planned: number of runs of the campaign.
-        ended: how many runs ended in which way.
-        all: the runs that passed, of all that were made.
-        groups: the same for each robot, motion and scenario, by these words and by name.
-        invariants: of the runs that were asked for each invariant, those where it held, by its name.
-        struck: of the runs with each scenario, those where all its faults struck.
-        worst: the run nearest to each limit, by the name of the margin.
-        causes: the failed runs, the most frequent cause first.
-        refused: why runs were not made, with how many.
-        codes: in how many runs each error code was sent.
+        ended: number of runs by their end.
+        all: passed runs among all runs.
+        groups: passed runs for each robot, motion and scenario, by these words and by name.
+        invariants: runs that met each invariant among those that it applies to, by name.
+        struck: runs with strikes of all their faults, among the runs of each scenario.
+        worst: run nearest to each limit, by the name of the margin.
+        causes: causes of failed runs, the most frequent first.
+        refused: number of runs that were not made, by reason.
+        codes: number of runs with each error code.
         simulated_s: simulated time of all runs.
-        work_s: time that they took, added over all workers.
-        versions: how many runs each version of StepTwin has made.
+        work_s: computing time of all workers.
+        versions: number of runs by version of StepTwin.
     """
 
     planned: int
@@ -112,17 +112,17 @@ class Summary:
 
     @property
     def made(self) -> int:
-        """Number of runs whose rows are there."""
+        """Number of runs with rows."""
         return sum(self.ended.values())
 
     @property
     def never_struck(self) -> tuple[str, ...]:
-        """Scenarios that proved nothing: in none of their runs did all their faults strike."""
+        """Scenarios that proved nothing: none of their runs had strikes of all faults."""
         return tuple(name for name, rate in self.struck.items() if rate.runs and not rate.passed)
 
     @property
     def passed(self) -> bool:
-        """True if nothing failed in silence, and every scenario struck at least once."""
+        """True if no run failed in silence, and every scenario struck at least once."""
         return not self.causes and not self.never_struck and self.all.runs > 0
 
     def to_dict(self) -> dict[str, Any]:
@@ -166,14 +166,14 @@ def _place(row: Row) -> dict[str, Any]:
 
 @dataclass(slots=True)
 class _Tally:
-    """What rows have told so far."""
+    """Totals of the rows so far."""
 
     rates: dict[str, dict[str, PassRate]] = field(default_factory=lambda: defaultdict(dict))
-    """Pass rates by name, of everything of a kind: robots, motions, scenarios, invariants ..."""
+    """Pass rates by name for each kind: robots, motions, scenarios, invariants ..."""
     robots: dict[str, Counter[str]] = field(default_factory=lambda: defaultdict(Counter))
-    """Runs that failed, by cause and robot."""
+    """Failed runs by cause and robot."""
     first: dict[str, list[Row]] = field(default_factory=lambda: defaultdict(list))
-    """Rows of each cause, those of the least seeds."""
+    """Rows of the lowest seeds of each cause."""
     worst: dict[str, Worst] = field(default_factory=dict)
     ended: Counter[Ended] = field(default_factory=Counter)
     refused: Counter[str] = field(default_factory=Counter)
@@ -239,7 +239,7 @@ class _Tally:
 
 
 def summarised(rows: Iterable[Row], planned: int) -> Summary:
-    """Return what rows tell, a row a run, of a campaign with a planned number of runs."""
+    """Return the summary of rows, one a run, of a campaign with a planned number of runs."""
     tally = _Tally()
     for row in rows:
         tally.add(row)

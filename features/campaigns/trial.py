@@ -1,37 +1,30 @@
-"""Draw one run of a campaign: its seed alone makes it again.
+"""Draw one run of a campaign from its seed alone.
 
-Each quantity has a generator of its own, seeded by the run's seed and the quantity's name. So a campaign to which a
-parameter is added draws the same robots, motions and faults as before.
+Each quantity has a generator of its own, seeded by the run's seed and the quantity's name. So another parameter in the
+campaign does not change the drawn robots, motions and faults.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from random import Random
-from typing import Any, Final, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
-import numpy as np
-
-from steptwin.features.campaigns.campaign import Campaign, CampaignMotion, JobMotion, RandomMoves
-from steptwin.features.campaigns.values import AtPart, PlannedAt, drawn
+from steptwin.features.campaigns.campaign import Campaign, RandomMoves
+from steptwin.features.campaigns.values import AtPart, PlannedAt, drawn, placed
 from steptwin.features.campaigns.variations import Setup, set_up
 from steptwin.features.faults.scenario import SEED_MAX, Scenario, scenario_of
 from steptwin.features.motors.options import MotorsTurn
-from steptwin.host.common.arrays import FloatArray
-from steptwin.host.common.bad_input import known, prefixed
+from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.checks import TooFastError
-from steptwin.host.planning.jobs import make_job
-from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan_stretched
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.reader import read_robot
 from steptwin.host.robots.robot import Robot
-
-_TRIES: Final = 6
-"""Times that a random move is drawn, each time half as far, until the robot can make it."""
 
 
 class _Weighted(Protocol):
@@ -44,19 +37,19 @@ _Choice = TypeVar("_Choice", bound=_Weighted)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trial:
-    """One run of a campaign, drawn.
+    """A drawn run of a campaign.
 
     Attributes:
         seed: its seed.
         robot_name: the robot's name in the campaign.
         motion: its motion's name.
-        options: what was drawn for the motion, by name.
+        options: drawn options of the motion, by name.
         scenario: its scenario's name.
-        table: the scenario's table; instants may be parts of the motion.
-        varied: the value of each parameter that varies.
-        setup: the robot as varied, and how the run is made.
+        table: the scenario's table; instants may be fractions of the motion.
+        varied: value of each varied parameter.
+        setup: the varied robot and the settings of the run.
         trajectory: the motion.
-        slowable: whether it may be slower than drawn.
+        slowable: True if it may be slower than drawn.
         recover: True to recover the machine afterwards.
         motors: when its motors turn; None: never.
     """
@@ -75,9 +68,9 @@ class Trial:
     motors: MotorsTurn | None = None
 
     def plan(self) -> Plan:
-        """Plan the motion; raise InputError if the robot, as varied, cannot make it.
+        """Plan the motion; raise InputError if the varied robot cannot make it.
 
-        Random moves that are too fast for it, as with more microsteps, take as long as they must.
+        Random moves that are too fast, as with more microsteps, become slower.
         """
         robot, stretch, record_ms = self.setup.robot, self.setup.stretch, self.setup.record_ms
         try:
@@ -88,10 +81,10 @@ class Trial:
             return plan_stretched(robot, self.trajectory, None, record_ms)
 
     def scenario_in(self, plan: Plan) -> Scenario | None:
-        """Return the scenario in a motion as planned; None without a fault.
+        """Return the scenario for a planned motion; None without a fault.
 
         Raises:
-            InputError: something in it is wrong, or the robot lacks what a fault concerns.
+            InputError: it is invalid, or the robot lacks the target of a fault.
         """
         if not self.table.get("fault"):
             return None
@@ -104,16 +97,16 @@ class Trial:
 
     @property
     def scenario_seed(self) -> int:
-        """The seed of what is random in the scenario, unless its table has one."""
+        """Seed of the scenario's random parts, unless its table has one."""
         return self.seed % (SEED_MAX + 1)
 
     def with_table(self, table: Mapping[str, Any]) -> "Trial":
-        """Return the same run with another scenario."""
+        """Return the run with another scenario."""
         return replace(self, table=table)
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """Everything that was drawn, by a name that says where."""
+        """All drawn values, by a name with their place."""
         return {
             **self.varied,
             **{f"{self.motion}.{name}": value for name, value in self.options.items()},
@@ -122,18 +115,18 @@ class Trial:
 
 
 def draw(campaign: Campaign, seed: int) -> Trial:
-    """Draw the run of a seed; raise InputError, with the part of the campaign, for one that cannot be made."""
+    """Draw the run of a seed; raise InputError, with the part of the campaign, if it is impossible."""
     name = _stream(seed, "robot").choice(list(campaign.robots))
     robot = campaign.robots[name]
-    motion = _weighted([each for each in campaign.motions if name in each.robots], _stream(seed, "motion")).motion
-    scenario = _weighted([each for each in campaign.scenarios if name in each.robots], _stream(seed, "scenario"))
+    motion = _weighted([each for each in campaign.motion if name in each.robots], _stream(seed, "motion"))
+    scenario = _weighted([each for each in campaign.scenario if name in each.robots], _stream(seed, "scenario"))
     varied = {
         parameter: drawn(template, _stream(seed, f"vary.{parameter}"), robot)
         for parameter, template in {**campaign.vary, **scenario.vary}.items()
     }
     setup = set_up(robot, varied)
     with prefixed(f"{motion}: "):
-        options, trajectory = _motion(motion, name, robot, seed)
+        options, trajectory = motion.drawn_for(name, robot, partial(_stream, seed))
     table = drawn(scenario.table, _stream(seed, f"scenario.{scenario.name}"), robot)
     return Trial(
         seed=seed,
@@ -159,70 +152,6 @@ def _weighted(choices: Sequence[_Choice], random: Random) -> _Choice:
     return random.choices(choices, [choice.weight for choice in choices])[0]
 
 
-def _motion(
-    motion: JobMotion | RandomMoves | CampaignMotion, name: str, robot: Robot, seed: int
-) -> tuple[dict[str, Any], Trajectory]:
-    """Return what is drawn for a motion, and its trajectory."""
-    if isinstance(motion, CampaignMotion):
-        return {}, motion.trajectories[name]
-    if isinstance(motion, JobMotion):
-        streams = {option: _stream(seed, f"{motion.job}.{option}") for option in motion.options}
-        options = {option: drawn(value, streams[option], robot) for option, value in motion.options.items()}
-        return options, make_job(robot, motion.job, {option: str(value) for option, value in options.items()})
-    random = _stream(seed, "moves")
-    options = {"moves": drawn(motion.moves, random, robot), "reach": drawn(motion.reach, random, robot)}
-    return options, random_moves(robot, options["moves"], options["reach"], random)
-
-
-def random_moves(robot: Robot, moves: int, reach: float, random: Random) -> Trajectory:
-    """Return moves of all joints around the robot's home, each within `reach` of the joints' ranges; raise InputError.
-
-    A position that the robot cannot take is drawn again, half as far.
-    """
-    lower = np.array([joint.lower for joint in robot.joints])
-    upper = np.array([joint.upper for joint in robot.joints])
-    home = np.array(robot.home)
-    composer = Composer(robot, home)
-    for _ in range(moves):
-        for attempt in range(_TRIES):
-            parts = np.array([random.uniform(-1, 1) for _ in robot.joints])
-            goal = np.clip(home + parts * reach / 2**attempt * (upper - lower), lower, upper)
-            try:
-                _check_move(robot, composer.joints, goal)
-            except InputError:
-                if attempt == _TRIES - 1:
-                    raise
-            else:
-                composer.go(goal)
-                break
-    return composer.sequence()
-
-
-def _check_move(robot: Robot, start: FloatArray, goal: FloatArray) -> None:
-    """Raise InputError unless the robot can move so."""
-    composer = Composer(robot, start)
-    composer.go(goal)
-    plan_stretched(robot, composer.sequence(), None)
-
-
-def placed(value: Any, plan: Plan, *, joint: str | None = None) -> Any:
-    """Return a drawn table with its parts of the motion as seconds and as positions of the joint beside them."""
-    if isinstance(value, dict):
-        beside = value.get("joint", joint)
-        return {key: placed(item, plan, joint=beside) for key, item in value.items()}
-    if isinstance(value, list):
-        return [placed(item, plan) for item in value]
-    if isinstance(value, AtPart):
-        return round(value.part * plan.trajectory.duration_s, 4)
-    if isinstance(value, PlannedAt):
-        if joint is None:
-            raise InputError("on_the_way: needs the joint beside it, under the key joint")
-        known("joint", joint, plan.robot.joint_names)
-        at_s = np.array([value.part * plan.trajectory.duration_s])
-        return round(float(plan.trajectory.positions(at_s)[0, plan.robot.index_of(joint)]), 4)
-    return value
-
-
 def _leaves(place: str, value: Any) -> Iterator[tuple[str, Any]]:
     """Yield the scalars of a table, each with its place."""
     if isinstance(value, dict):
@@ -236,13 +165,13 @@ def _leaves(place: str, value: Any) -> Iterator[tuple[str, Any]]:
 
 
 def with_varied_file(trial: Trial) -> Trial:
-    """Return the same run with a robot whose file says what was varied.
+    """Return the run with a robot whose file has the varied values.
 
-    A file may not state speeds for which the drivers cannot step fast enough, as with more microsteps. There it states
-    the highest speed that they manage: the run was no faster.
+    A file may not have speeds beyond the drivers' step rate, as with more microsteps. Such speeds become the highest
+    possible ones; the run was no faster.
 
     Raises:
-        InputError: the robot's file cannot say what was varied.
+        InputError: the robot's file has no key for a varied value.
     """
     robot = trial.setup.robot
     text = _varied_text(robot, f"# {robot.name} as drawn for seed {trial.seed} of a campaign\n")
@@ -268,7 +197,7 @@ def _varied_text(robot: Robot, head: str) -> str:
 
 
 def _within(joint: Joint, rate_max_hz: float) -> Joint:
-    """Return a joint that is as fast as its driver manages, if it were faster."""
+    """Return a joint with its speed limited to the driver's step rate."""
     if joint.step_rate_max_hz <= rate_max_hz:
         return joint
     fastest = rate_max_hz / joint.transmission.steps_per_unit

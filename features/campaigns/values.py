@@ -11,11 +11,14 @@ from random import Random
 from reprlib import repr as short
 from typing import Any, Final, NamedTuple
 
+import numpy as np
+
 from steptwin.host.common.bad_input import known, prefixed
 from steptwin.host.common.choices import SWITCHES
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import number_at
 from steptwin.host.operate.inputs_outputs import switches_of
+from steptwin.host.planning.plan import Plan
 from steptwin.host.robots.robot import Robot
 
 Template = Any
@@ -59,6 +62,24 @@ def drawn(template: Template, random: Random, robot: Robot) -> Any:
     if isinstance(template, Draw):
         return _DRAWS[template.how].draw(random, robot, *template.source)
     return template
+
+
+def placed(value: Any, plan: Plan, *, joint: str | None = None) -> Any:
+    """Return a drawn table with fractions of the motion converted to seconds, or to positions of the joint there."""
+    if isinstance(value, dict):
+        beside = value.get("joint", joint)
+        return {key: placed(item, plan, joint=beside) for key, item in value.items()}
+    if isinstance(value, list):
+        return [placed(item, plan) for item in value]
+    if isinstance(value, AtPart):
+        return round(value.part * plan.trajectory.duration_s, 4)
+    if isinstance(value, PlannedAt):
+        if joint is None:
+            raise InputError("on_the_way: needs the joint beside it, under the key joint")
+        known("joint", joint, plan.robot.joint_names)
+        at_s = np.array([value.part * plan.trajectory.duration_s])
+        return round(float(plan.trajectory.positions(at_s)[0, plan.robot.index_of(joint)]), 4)
+    return value
 
 
 def read_template(value: object) -> Template:

@@ -1,4 +1,4 @@
-"""Parameters of the machine that a campaign varies: what each does to a run's setup, and which values it takes."""
+"""Machine parameters that a campaign varies: their effect on a run's setup, and their values."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -21,25 +21,25 @@ from steptwin.protocol.pvt import DURATION_MAX_MS
 
 
 class RampSource(Enum):
-    """Which accelerations the joints have, in moves, stops and homings."""
+    """Source of the joints' accelerations in moves, stops and homings."""
 
     FILE = "file"
     """Those of the robot's file."""
     MOTORS = "motors"
-    """Those that its motors manage, with the payload, the friction and the drivers drawn, where these are lower."""
+    """Those that the motors can follow, with the drawn payload, friction and drivers, if they are lower."""
 
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """How a run is made.
+    """Setup of a run.
 
     Attributes:
-        robot: the robot as it is.
-        ramps: which accelerations it gets when everything else is drawn.
+        robot: the varied robot.
+        ramps: source of its accelerations, applied after all other parameters.
         record_ms: length of the PVT records.
-        stretch: the motion's slowness.
-        driver_profile: other drivers than the robot file's; None: those.
-        crystals_ppm: how fast the crystal of each board is, in parts per million.
+        stretch: factor on the motion's duration.
+        driver_profile: drivers instead of the robot file's; None: the file's.
+        crystals_ppm: deviation of each board's crystal, in parts per million.
     """
 
     robot: Robot
@@ -51,7 +51,7 @@ class Setup:
 
     @property
     def axes_per_board(self) -> tuple[int, ...] | None:
-        """Number of axes on each of several boards, about as many on each; None: one board has all."""
+        """Number of axes on each of several boards, divided evenly; None: one board has all."""
         boards, axes = len(self.crystals_ppm), len(self.robot.axes)
         if boards == 1:
             return None
@@ -59,10 +59,10 @@ class Setup:
 
 
 def set_up(robot: Robot, varied: Mapping[str, object]) -> Setup:
-    """Return how a run of a robot is made with a value for each parameter, in whichever order they come.
+    """Return the setup of a run with a value for each parameter, in any order.
 
     Raises:
-        InputError: a parameter does not take its value, or the robot has no such parameter; the message names it.
+        InputError: a parameter does not have this value, or the robot lacks it; the message names it.
     """
     setup = Setup(robot)
     for parameter, value in varied.items():
@@ -162,7 +162,8 @@ VARIATIONS: Final[Mapping[str, Callable[[Setup, Any], Setup]]] = {
     "stretch": _stretch,
     "crystal_ppm": _crystal_ppm,
 }
-"""What each parameter of [vary] does: payload at the tool in kg, a factor of all motors' friction, which accelerations
-the joints have, microsteps of all axes, drivers that neither plan nor firmware know of, length of PVT records in ms,
-bit rate, a factor of slowness, how fast the board's crystal is in parts per million, or a list of it: one for each
-of so many boards."""
+"""Effect of each parameter of [vary]: payload at the tool in kg, a factor of all motors' friction, source of the
+accelerations, microsteps of all axes, drivers that neither plan nor firmware know of, length of PVT records in ms,
+bit rate, a factor of slowness, and the deviation of the boards' crystals in parts per million, one number or a list
+with one for each board.
+"""

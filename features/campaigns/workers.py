@@ -1,4 +1,4 @@
-"""Make the runs of a campaign: in this process, or on the workers of a Dask cluster, each run once."""
+"""Make the runs of a campaign in this process, or on the workers of a Dask cluster, each run once."""
 
 import asyncio
 import gc
@@ -12,9 +12,10 @@ from multiprocessing import resource_tracker
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from steptwin.features.campaigns.campaign import Campaign, source_version
+from steptwin.features.campaigns.campaign import Campaign
 from steptwin.features.campaigns.row import Breach, Ended, Row
 from steptwin.features.campaigns.running import run_seed
+from steptwin.features.campaigns.sources import source_version
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.common.processes import collect_seldom
 
@@ -22,23 +23,23 @@ if TYPE_CHECKING:
     from distributed import Client, LocalCluster
 
 SEEDS_PER_TASK: Final = 4
-"""Runs of a task: with some tenths of a second each, what a task costs the scheduler, 1 ms, does not count."""
+"""Runs of a task. They take some tenths of a second each; the scheduler's cost of 1 ms a task is negligible."""
 _TASKS_PER_THREAD: Final = 3
-"""Tasks that are handed out for each thread of the cluster: one runs, the others wait beside it."""
+"""Number of submitted tasks for each thread of the cluster: one runs, the others wait."""
 _TASKS_MIN: Final = 4
 _THREADS_ASKED_EVERY_S: Final = 5.0
 _LOCAL: Final = {"distributed.worker.profile.enabled": False}
-"""Dask's settings for this computer's workers: without its profiler, which stops a run every 10 ms to note its line."""
+"""Dask's settings for local workers, without its profiler, which would interrupt a run every 10 ms."""
 _OF_THIS_COMPUTER: Final[Mapping[str, Any]] = {
     "threads_per_worker": 1,
-    "dashboard_address": "127.0.0.1:0",  # without a page; any port, so that several campaigns may run at once
+    "dashboard_address": "127.0.0.1:0",  # no dashboard; a free port, since several campaigns may run at once
     "scheduler_kwargs": {"dashboard": False},
     "silence_logs": CRITICAL,
 }
 CONNECT_S: Final = 10.0
 """Longest wait for a scheduler's answer."""
 _LEAVE_S: Final = 0.25
-"""Time that a worker has to end its run when the campaign is broken off; then its process is killed."""
+"""Time for a worker to end its run when the campaign is cancelled; then its process is killed."""
 
 
 class Batch(NamedTuple):
@@ -49,7 +50,7 @@ class Batch(NamedTuple):
 
 
 def run_here(campaign: Campaign, seeds: Iterable[int]) -> Iterator[list[Row]]:
-    """Make runs in this process; yield the row of each."""
+    """Make runs in this process; yield each row."""
     for seed in seeds:
         yield run_batch(campaign, [seed]).rows
 
@@ -63,7 +64,7 @@ def run_batch(campaign: Campaign, seeds: Sequence[int]) -> Batch:
 
 @cache
 def _spare_what_lives() -> None:
-    """Keep what the first runs have loaded out of later collections of garbage, which took a tenth of a run."""
+    """Exempt objects of the first runs from later garbage collections, which took a tenth of a run."""
     gc.collect()
     gc.freeze()
     collect_seldom()
@@ -72,8 +73,8 @@ def _spare_what_lives() -> None:
 def run_on(client: "Client", campaign: Campaign, seeds: Iterable[int]) -> Iterator[list[Row]]:
     """Make runs on a cluster; yield the rows of each task as it ends, in any order.
 
-    Only so many tasks are handed out that no worker waits, whatever the number of runs. The runs of a worker that is
-    lost are made by another one. A run that ends its worker several times becomes a row that says so.
+    Just enough tasks are submitted to keep all workers busy. If a worker is lost, another one makes its runs. A run
+    that ends its worker several times becomes a row with this error.
 
     Raises:
         InputError: the workers have another version of StepTwin, or cannot import it.
@@ -129,7 +130,7 @@ class _KilledError(Exception):
 
 
 def _result(client: "Client", task: Any) -> Batch:
-    """Return what a task that has ended has returned."""
+    """Return the result of an ended task."""
     from distributed import CancelledError, KilledWorker
     from distributed.comm.core import CommClosedError
 
@@ -150,7 +151,7 @@ def _killed(seed: int) -> Row:
 
 
 class _Threads:
-    """How many threads the cluster's workers have, asked from time to time: workers come and go."""
+    """Number of threads of the cluster's workers, updated from time to time: workers come and go."""
 
     def __init__(self, client: "Client") -> None:
         self._client = client
@@ -168,7 +169,7 @@ class _Threads:
 
 @contextmanager
 def cluster(workers: int, scheduler: str | None) -> "Iterator[Client]":
-    """Connect to a scheduler, or start a cluster of this computer's with so many workers, for the block.
+    """Connect to a scheduler, or start a local cluster with `workers` workers, for the block.
 
     Raises:
         BusError: the scheduler does not answer.
@@ -193,16 +194,15 @@ def cluster(workers: int, scheduler: str | None) -> "Iterator[Client]":
 
 @contextmanager
 def _deaf_to_interrupts() -> Iterator[None]:
-    """Let the workers that the block starts, and those that replace them later, not hear Ctrl-C.
+    """Start workers in the block that ignore Ctrl-C, and so do their later replacements.
 
     A terminal sends it to all processes of a command. The campaign itself ends its workers, which would print
-    tracebacks. A process inherits the blocked signals of the thread that starts it, a thread those of the one that
-    starts it.
+    tracebacks. A process inherits the blocked signals of the thread that starts it, and a thread those of its creator.
     """
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
-    resource_tracker.ensure_running()  # else it is started with the first worker, and unblocks the signal there
+    resource_tracker.ensure_running()  # otherwise it starts with the first worker, and unblocks the signal there
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -211,7 +211,7 @@ def _deaf_to_interrupts() -> Iterator[None]:
 
 
 async def _end_workers(local: "LocalCluster") -> None:
-    """End a cluster's workers at once: otherwise each is waited for, four seconds and more, until its run ends."""
+    """End a cluster's workers at once; otherwise each is waited for, four seconds and more, until its run ends."""
     await asyncio.gather(*(nanny.close(timeout=_LEAVE_S) for nanny in local.workers.values()))
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AnswerOptions, positive_number, run_folder
-from steptwin.host.cli.options import argument, naming_options, option
+from steptwin.host.cli.options import argument, naming_options, option, switch
 from steptwin.host.cli.output import print_table, say, warn
 from steptwin.host.cli.run.verdict_text import print_report
 from steptwin.host.common.errors import InputError
@@ -31,6 +31,8 @@ _EXACT: Final = "exact"
 _ONE_CLOCK_PPM: Final = 0.5
 """Difference of the clocks up to which `--clock-ppm exact` takes them for one: what a short motion leaves open."""
 _SampleRate = str | None
+_TOLERANCE_STEPS: Final = 1.5
+_CLOCK_PPM: Final = "200"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,11 +43,20 @@ class CaptureOptions:
     maps: list[str] | None = option(
         "AXIS=STEP,DIR[,ENABLE]", "Channels of an axis; ! inverts one, as in th1=D0,!D1; repeatable.", "--map"
     )
+    path: Path | None = option(
+        "DIR|'ROBOT JOB'", "Plan whose path the steps should follow, at any speed, instead of --plan."
+    )
+    controller: str | None = option(
+        "NAME", "Step rule with --path: klipper, grbl, grblhal, marlin, linuxcnc or other; estimated by default."
+    )
+    both_edges: bool = switch("With --path: each edge of STEP is a step, as of Klipper with TMC drivers.")
     robot: str | None = option("ROBOT", "The robot, for a capture without --plan.")
     rate: _SampleRate = option("RATE", "Sampling rate, such as 24MHz, if the file does not tell it.")
     glitch: str | None = option("TIME", "Drop two edges of a channel that are closer, such as 1us.")
-    tolerance_steps: float = option("STEPS", "Largest distance of a count from the plan; 2 for grbl.", default=1.5)
-    clock_ppm: str = option("PPM|exact", "Largest difference of the two clocks.", default="200")
+    tolerance_steps: float = option(
+        "STEPS", "Largest distance of a count from the plan; 2 for grbl.", default=_TOLERANCE_STEPS
+    )
+    clock_ppm: str = option("PPM|exact", "Largest difference of the two clocks.", default=_CLOCK_PPM)
     driver_profile: str | None = option("NAME|all", "Other drivers; all: which of them would miss pulses?")
     out: str | None = option("DIR", "Write the folder of a run, with pictures, for `view` and `plot`.")
 
@@ -61,6 +72,13 @@ class CaptureOptions:
 
     def verify(self, answer: AnswerOptions, plan: Path | None) -> bool:
         """Verify the capture beside a plan, a folder or `ROBOT JOB`; without one tell steps, rates and limits."""
+        if self.path is not None:
+            if plan is not None:
+                raise InputError(f"--path {self.path} and --plan {plan}: give only one of them")
+            return _verify_path(answer, self, self.path)
+        for name, given in (("--controller", self.controller), ("--both-edges", self.both_edges)):
+            if given:
+                raise InputError(f"{name}: is for --path")
         return _verify_capture(answer, self, plan)
 
     def judge(self) -> "CaptureJudge":
@@ -133,6 +151,38 @@ def _verify_capture(answer: AnswerOptions, options: CaptureOptions, plan: Path |
     return run.passed
 
 
+def _verify_path(answer: AnswerOptions, options: CaptureOptions, path: Path) -> bool:
+    """Verify a capture beside the path of a plan; return whether it passed."""
+    from steptwin.features.captures.path_verdict import judge_by_path
+    from steptwin.features.captures.reading import read_capture
+    from steptwin.features.captures.step_rules import CONTROLLERS, controller
+
+    for name, given in (
+        ("--out", options.out is not None),
+        ("--tolerance-steps", options.tolerance_steps != _TOLERANCE_STEPS),
+        ("--clock-ppm", options.clock_ppm != _CLOCK_PPM),
+    ):
+        if given:
+            raise InputError(f"{name}: is for --plan; --path has no time law")
+    rule = None if options.controller is None else controller(options.controller)
+    if options.both_edges and rule is not None and not rule.both_edges:
+        able = ", ".join(name for name, each in CONTROLLERS.items() if each.both_edges)
+        raise InputError(f"--both-edges: {rule.name} steps at one edge of STEP; at both may {able}")
+    judge = options.judge()
+    with _naming():
+        robot, job, motion = _planned(options, path, "--path")
+        assert motion is not None
+        capture = read_capture(options.capture or "", options.rate)
+        run = judge_by_path(capture, robot, motion.trajectory, judge, rule, both_edges=options.both_edges)
+    document = run.to_dict() | {"driver_profile": judge.driver_profile or robot.board.profile.name}
+    if options.driver_profile == _ALL and not options.both_edges:
+        document["drivers"] = _by_driver(robot, run.alone.capture, run.alone.signals, run.alone.clock)
+    answer.tell(document, lambda: _print_path(f"{robot.name} {job}", document))
+    for hint in run.hints:
+        warn(hint)
+    return run.passed
+
+
 def _tell_alone(answer: AnswerOptions, options: CaptureOptions, robot: "Robot", judge: "CaptureJudge") -> bool:
     """Tell steps, rates and limits of a capture without a plan; return whether all limits were kept."""
     from steptwin.features.captures.judging import judge_alone
@@ -154,7 +204,7 @@ def _naming() -> Any:
     return naming_options("map", "rate", driver_profile="--driver-profile")
 
 
-def _planned(options: CaptureOptions, plan: Path | None) -> "tuple[Robot, str, Plan | None]":
+def _planned(options: CaptureOptions, plan: Path | None, name: str = "--plan") -> "tuple[Robot, str, Plan | None]":
     """Return the robot, the words for the motion, and the motion; None without a plan."""
     from steptwin.host.planning import planner
     from steptwin.host.record.folder import read_robot, stored_motion
@@ -162,16 +212,18 @@ def _planned(options: CaptureOptions, plan: Path | None) -> "tuple[Robot, str, P
 
     if plan is None:
         if options.robot is None:
-            raise InputError("--capture: --plan DIR or --plan 'ROBOT JOB' is missing, or --robot ROBOT without a plan")
+            raise InputError(
+                "--capture: --plan DIR or --plan 'ROBOT JOB' is missing, or --path, or --robot ROBOT without a plan"
+            )
         return load_robot(options.robot), "", None
     if options.robot is not None:
-        raise InputError(f"--robot {options.robot}: --plan {plan} names the robot")
+        raise InputError(f"--robot {options.robot}: {name} {plan} names the robot")
     if plan.is_dir():
         robot = read_robot(plan)
         return robot, f"capture of {plan.name}", planner.plan(robot, stored_motion(plan, robot))
     words = shlex.split(str(plan))
     if len(words) != 2:
-        raise InputError(f"--plan {plan}: is neither a folder nor 'ROBOT JOB' nor 'ROBOT FILE'")
+        raise InputError(f"{name} {plan}: is neither a folder nor 'ROBOT JOB' nor 'ROBOT FILE'")
     return _of_words(words)
 
 
@@ -255,6 +307,36 @@ def _print_alone(title: str, document: dict[str, Any]) -> None:
         _print_driver(each)
     say(*(f"reason: {reason}" for reason in document["reasons"]))
     say(f"{title}, without a plan: {'PASSED' if document['passed'] else 'FAILED'}")
+
+
+def _print_path(title: str, document: dict[str, Any]) -> None:
+    captured, path = document["capture"], document["path"]
+    say(
+        f"{captured['kind']}, {captured['duration_s']:.6g} s at {captured['rate_hz']:g} Hz: {' '.join(captured['map'])}"
+    )
+    half = f"each count within {path['half_steps']:.2f} steps of the path"
+    if path["estimated"]:
+        say(f"step rule estimated: {half}, as of {path['rule']}; the name is a guess")
+    else:
+        say(f"step rule of {path['rule']}: {half}; {path['says']}")
+    along = "" if path["distance_mm"] is None else f" along {path['distance_mm']:.3f} mm"
+    say(f"by path, at any speed: {sum(each['steps'] for each in path['axes'])} steps{along}")
+    if path["before"]:
+        say(f"left out: {path['before']} steps before the motion, such as homing")
+    rows = [
+        [each["name"], str(each["start"]), str(each["end"]), f"{each['planned_end_steps']:.2f}", str(each["steps"])]
+        for each in path["axes"]
+    ]
+    print_table(["axis", "start", "end", "planned end", "steps"], rows, text_columns=1)
+    if path["both_edges"]:
+        say("drivers' limits are not judged: none of the drivers here steps at both edges")
+    _print_limits(captured)
+    for each in document.get("drivers", ()):
+        _print_driver(each)
+    say(*(f"reason: {reason}" for reason in document["reasons"]))
+    if document["passed"]:
+        say(f"no path shows {path['not_shown']}")
+    say(f"{title}, by path: {'PASSED' if document['passed'] else 'FAILED'}")
 
 
 def _print_run(document: dict[str, Any]) -> None:

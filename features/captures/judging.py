@@ -32,7 +32,7 @@ from steptwin.host.verify import (
     verify_comparison,
 )
 from steptwin.host.verify.clock_fit import ClockFit, fit_clock
-from steptwin.host.verify.clock_line import SeenSteps
+from steptwin.host.verify.clock_line import CapturedSteps
 from steptwin.host.verify.figures import clk_high_us_min, clk_low_us_min, peak_rate_hz, reversals
 from steptwin.host.verify.gates import TOLERANCE_STEPS
 from steptwin.host.verify.net_counts import WHOLE_STEPS
@@ -109,8 +109,6 @@ class CapturedRun:
     @property
     def other_law(self) -> bool:
         """Whether each axis goes where the plan goes, turn by turn, but not when: by another speed law."""
-        if self.clock.swapped or self.clock.inverted:
-            return False
         pairs = zip(self.comparison.ideal, self.comparison.evidence.axes, strict=True)
         off = [_runs_off(ideal.signs, axis.step_signs) for ideal, axis in pairs]
         if None in off:
@@ -185,7 +183,8 @@ class CapturedRun:
 
 _OTHER_LAW: Final = (
     "another speed law than planned: each axis counts as planned between its turning points, but at other times."
-    " So what follows tells neither of steps lost nor of the clocks"
+    " So what follows tells neither of steps lost nor of the clocks; --path in place of --plan judges the steps"
+    " at any speed"
 )
 
 
@@ -264,7 +263,7 @@ def judge_capture(
     planned = [expected.axis_position(axis, np.zeros(1))[0] for axis in range(len(robot.axis_names))]
     at_zero = tuple(round(float(position)) for position in planned)
     ideal = ideal_steps(expected.axis_motion, expected.steps_per_unit, at_zero)
-    moved = [SeenSteps(each.rises_s, each.signs_at(each.rises_s)) for each in at_active_edges(signals, drivers)]
+    moved = [CapturedSteps(each.rises_s, each.signs_at(each.rises_s)) for each in at_active_edges(signals, drivers)]
     clock = fit_clock(ideal, moved)
     before = [int(steps.signs[steps.time_s < clock.offset_s].sum()) for steps in moved]
     begun = [_begun_at(expected, axis, zero, moved[axis], clock) for axis, zero in enumerate(at_zero)]
@@ -276,7 +275,7 @@ def judge_capture(
     return CapturedRun(capture, wiring, signals, clock, seen, comparison, verify_comparison(comparison, run), judge)
 
 
-def _begun_at(expected: Expectation, axis: int, nearest: int, steps: SeenSteps, clock: ClockFit) -> int:
+def _begun_at(expected: Expectation, axis: int, nearest: int, steps: CapturedSteps, clock: ClockFit) -> int:
     """Return the count at the plan's t = 0: the nearest one, or the one cut towards zero if it was cut.
 
     No pin tells it. A controller that cuts shows it where the motion passes through zero: only with the count cut at
@@ -310,9 +309,13 @@ class AloneRun:
     @property
     def reasons(self) -> tuple[str, ...]:
         """One line for each reason why a driver, or its motor, has not made the steps that STEP asks for."""
-        exchanged = _exchanged(self.signals, self.wiring)
         broken = [str(answer) for answer in self.seen.limits if answer.kept is Kept.BROKEN]
-        return (*exchanged, *broken, *powerless_reasons(self.evidence))
+        return (*self.exchanged, *broken, *powerless_reasons(self.evidence))
+
+    @property
+    def exchanged(self) -> tuple[str, ...]:
+        """One line for each axis whose STEP and DIR look exchanged."""
+        return tuple(_exchanged(self.signals, self.wiring))
 
     @property
     def passed(self) -> bool:

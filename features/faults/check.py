@@ -13,7 +13,7 @@ from steptwin.host.robots import load_robot
 
 
 def check_scenario(_path: str, text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
-    """Check a scenario for a robot, whose joints, switches and inputs its faults name."""
+    """Check a scenario for a robot; its faults name joints, switches and inputs."""
     robot = None
     with findings.collecting():
         if robot_name is None:
@@ -41,7 +41,7 @@ def _until(until: object) -> str:
 
 
 def _request(request: Mapping[str, Any]) -> str:
-    """Return what a fault does, then its keys with their values."""
+    """Return a fault's request as text: its name, then its keys and values."""
     keys = (f"{key}={_word(value)}" for key, value in request.items() if key != "do")
     return " ".join((request["do"], *keys))
 

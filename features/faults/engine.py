@@ -1,4 +1,4 @@
-"""Play a scenario on a machine: begin and end its faults at their instants, and note what answers."""
+"""Play a scenario on a machine: begin and end its faults at their instants, and record the reactions."""
 
 from collections import deque
 from dataclasses import dataclass, field, replace
@@ -16,13 +16,13 @@ from steptwin.host.twin.machine.robot_boards import RobotBoards
 from steptwin.protocol.frame import COB_EMCY, COB_SYNC, FIRST_NODE_ID, Frame
 
 EMERGENCIES_MAX: Final = 10_000
-"""Number of EMCYs that are remembered, so that a board may run for ever."""
+"""Number of EMCYs that are kept; bounds the memory of a board that runs forever."""
 _CODE_BYTES: Final = 2
 
 
 @dataclass(frozen=True, slots=True)
 class Emergency:
-    """An EMCY on the bus: its instant, the number of the axis, its error code; 0 says that all errors are over."""
+    """An EMCY on the bus: instant, number of the axis, error code; 0 means that all errors have ended."""
 
     counts: int
     axis: int
@@ -31,14 +31,14 @@ class Emergency:
 
 @dataclass(slots=True)
 class Played:
-    """A fault in the course of a run.
+    """State of a fault in a run.
 
     Attributes:
-        triggered: the fault with its trigger, whose instant is drawn if it is random.
-        fault: the fault itself; an object of its own, by which its strikes are known.
-        watch: watches for its beginning, then for its end; None when neither is to come.
-        began: what the machine did when it began; None before.
-        strikes: number of times that it struck: once for an operation, each frame for a fault of the bus.
+        triggered: fault with its trigger; a random instant has been drawn.
+        fault: fault itself, an object of its own that identifies its strikes.
+        watch: watches for its beginning, then for its end; None if neither is pending.
+        began: state of the machine at its beginning; None before.
+        strikes: number of strikes: one for an operation, one for each frame for a bus fault.
         first_counts: instant of the first strike.
         ended_counts: instant of its end; None if it lasts.
     """
@@ -53,17 +53,17 @@ class Played:
 
     @property
     def struck(self) -> bool:
-        """True once it has done something."""
+        """True once it has struck."""
         return self.strikes > 0
 
 
 @dataclass(slots=True)
 class _Changed:
-    """Something that faults have changed.
+    """A change of the machine by faults.
 
     Attributes:
-        undo: the operation that makes it as it was before the first of them.
-        by: the operations that have changed it and last, in order of time.
+        undo: operation that restores the state before the first of them.
+        by: lasting operations that have changed it, in order of time.
     """
 
     undo: MachineFault
@@ -73,16 +73,16 @@ class _Changed:
 class Engine:
     """Plays one scenario; a participant of the simulation.
 
-    After `begin` it looks at what has happened at the end of every event. An operation is executed at the very instant
-    when its trigger is due; the firmware sees inputs with its next tick.
+    After `begin` it examines all events at their end. An operation is executed at the exact instant of its trigger; the
+    firmware sees inputs with its next tick.
     """
 
     def __init__(self, scenario: Scenario, target: RobotBoards, host: HostCondition) -> None:
-        """Watch for the triggers of a scenario from now on.
+        """Start watching for the triggers of a scenario.
 
         Raises:
-            InputError: a trigger names a joint that the robot does not have, or a fault a receiver that is not there,
-                or a fault needs motors that turn with the boards.
+            InputError: the robot lacks a trigger's joint or a fault's receiver, or a fault needs motors that turn with
+                the boards.
         """
         for fault in scenario.faults:
             with prefixed(f"{fault.name}: "):
@@ -90,13 +90,13 @@ class Engine:
         self.scenario: Scenario = scenario.drawn()
         self.target = target
         self.emergencies: deque[Emergency] = deque(maxlen=EMERGENCIES_MAX)
-        """The last EMCYs since power-up."""
+        """Last EMCYs since power-up."""
         self._start: Moment | None = None
-        """What the machine was like then."""
+        """State of the machine at the motion's start."""
         self.start_counts: int | None = None
-        """t = 0 of the motion; None before its SYNC."""
+        """Instant of the motion's t = 0; None before its SYNC."""
         self.host = host
-        """What faults have made of the host."""
+        """Condition of the host by faults."""
         self._sync_counts: int | None = None
         """Instant of the last SYNC before the motion."""
         self.played: list[Played] = [
@@ -104,15 +104,15 @@ class Engine:
         ]
         self._waiting = list(self.played)
         self._lasting: dict[tuple[object, ...], _Changed] = {}
-        """What faults have changed that may end, by `MachineFault.changes`."""
+        """Lasting changes by faults that may end, by `MachineFault.changes`."""
         self._by_fault = {id(each.fault): each for each in self.played}
         target.simulation.bus.filters.reseed(scenario.seed)
         target.simulation.bus.filters.on_strike = self._note_strike
         target.simulation.bus.listen(self._hear)
         target.simulation.join(self)
-        self.step(target.simulation.now_counts)  # what is due at power-up comes before the first frame
+        self.step(target.simulation.now_counts)  # faults due at power-up come before the first frame
 
-    # --- what happens
+    # --- events
 
     def _hear(self, frame: Frame, now_counts: int) -> None:
         cob_id = frame.cob_id
@@ -127,11 +127,11 @@ class Engine:
 
     @property
     def next_due_counts(self) -> int | None:
-        """Instant when the next trigger is due or must be looked at; None while all wait for events."""
+        """Instant of the next trigger or look; None while all wait for events."""
         return earliest(each.watch for each in self._waiting if each.watch is not None) if self._waiting else None
 
     def step(self, now_counts: int) -> None:
-        """Begin and end the faults that are due; those of one instant in the scenario's order."""
+        """Begin and end due faults; those of one instant in the scenario's order."""
         if self._sync_counts is not None and self.target.interpolating:
             self._note_start(self._sync_counts)
         if self._waiting:
@@ -143,7 +143,7 @@ class Engine:
             self.target.simulation.leave(self)  # nothing is left to do: each event would cost another look
 
     def _note_start(self, sync_counts: int) -> None:
-        """Note t = 0 of the motion, the first tick after the SYNC."""
+        """Register the motion's t = 0, the first tick after the SYNC."""
         self._sync_counts = None
         self.start_counts = -(-sync_counts // TICK_COUNTS) * TICK_COUNTS
         self._start = moment_of(self.target)
@@ -157,7 +157,7 @@ class Engine:
             each.strikes += 1
             each.first_counts = strike.counts if each.first_counts is None else each.first_counts
 
-    # --- what is done
+    # --- faults
 
     def _act(self, each: Played, now_counts: int) -> None:
         if each.began is None:
@@ -174,7 +174,7 @@ class Engine:
             each.watch = None
 
     def _is_known(self, until: Trigger | float | None) -> bool:
-        """Return whether it is known when a fault ends that begins now."""
+        """Return whether the end of a fault that begins now is known."""
         if isinstance(until, AtTime):
             return until.from_power_up or self.start_counts is not None
         return isinstance(until, float | int)
@@ -185,14 +185,14 @@ class Engine:
         return None if until is None else until.watch(self)
 
     def change(self, fault: MachineFault) -> None:
-        """Operate the machine by a fault, so that `restore` can undo it."""
+        """Operate the machine by a fault; `restore` can undo it."""
         undo = fault.undo(self.target.environment)
         if isinstance(undo, MachineFault):
             self._lasting.setdefault(fault.changes, _Changed(undo)).by.append(fault)
         self.target.operate(fault)
 
     def restore(self, fault: MachineFault) -> None:
-        """Undo an operation, unless a later one has replaced it; one that it has replaced and that lasts comes back."""
+        """Undo an operation, unless a later one has replaced it; a lasting one that it had replaced returns."""
         changed = self._lasting.get(fault.changes)
         if changed is None or all(each is not fault for each in changed.by):
             return
@@ -206,14 +206,14 @@ class Engine:
     def counted_from(self, began: Moment) -> Moment | None:
         """Return the moment from which steps lost by a fault count: its beginning, but not before the motion's.
 
-        Until then the host may give an axis another position. None: there was no motion where steps could be lost.
+        Before the motion, the host may give an axis another position. None: no steps can be lost without a motion.
         """
         if self._start is None:
             return None
         return began if began.counts >= self._start.counts else self._start
 
     def repair(self) -> None:
-        """End every fault that lasts; none begins any more."""
+        """End all lasting faults; no more begin."""
         for each in self.played:
             if each.began is not None and each.ended_counts is None:
                 each.fault.end(self)

@@ -1,8 +1,9 @@
-"""What every fault is: something that goes wrong with a machine, its bus or its host, as data that describes itself.
+"""Base of every fault of a machine, its bus or its host: data that describes itself.
 
-A fault is one class in `kinds/`, its row of the registry. Its docstring begins with its sentence, its fields are the
-keys of a scenario's [[fault]] and of requests, `apply` and `undo` do it, `reactions` documents what the machine does.
-Scenarios, the control port, `steptwin inject`, campaigns, reports, the judgement and the docs read nothing else.
+A fault is one class in `kinds/`, its row of the registry. Its docstring begins with its sentence. Its fields are the
+keys of a scenario's [[fault]] and of requests. `apply` and `undo` execute it, `reactions` documents the machine's
+reaction. Scenarios, the control port, `steptwin inject`, campaigns, reports, the judgement and the docs use nothing
+else.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -25,20 +26,20 @@ if TYPE_CHECKING:
 
 
 class KeyKind(Enum):
-    """The kinds of values that requests have; some mean a part of the robot, which the host finds."""
+    """Kinds of values in requests; some stand for a part of the robot."""
 
     TRUTH = auto()
     WHOLE = auto()
     NUMBER = auto()
     WORD = auto()
-    """A name of the key's `choices`."""
+    """One of the key's `choices`."""
     JOINT = auto()
     STATION = auto()
-    """A joint, whose board is meant; in a command also `host`, which is a key left out."""
+    """A joint for its board; commands also accept `host`, which leaves the key out."""
     INPUT = auto()
-    """Name of an input of the robot's file: its axis and its bit."""
+    """Name of an input of the robot's file: it stands for its axis and bit."""
     SWITCH = auto()
-    """Name of a switch that the request's joint has."""
+    """Name of a switch of the request's joint."""
     FRAMES = auto()
     """Name of frames, of the request's joint if it has one, or a list of identifiers."""
     IDENTIFIER = auto()
@@ -53,14 +54,14 @@ class Key:
     Attributes:
         name: the key; by default the name of its field.
         kind: kind of its value; by default that of its field's type.
-        metavar: stands for the value in the help of commands; by default that of its kind.
-        least: smallest number, in the request's unit.
-        most: greatest number.
+        metavar: placeholder of the value in the help of commands; by default that of its kind.
+        least: lowest number, in the request's unit.
+        most: highest number.
         unit: unit of the number, for messages.
-        parts: parts of that unit in which the field counts; None: the field has the number itself.
-        choices: the only values, and what each is in the field; by default those of the field's enumeration.
-        optional: whether requests may go without it; True for a field with a default.
-        written: whether it is written even if the field has its default.
+        parts: number of field units in that unit; None: the field has the number itself.
+        choices: allowed values, and the field's value for each; by default those of the field's enumeration.
+        optional: True if requests may leave it out; always for a field with a default.
+        written: True if it is written even with the field's default.
     """
 
     name: str = ""
@@ -75,15 +76,15 @@ class Key:
     written: bool = False
 
     def to_field(self, value: Any) -> Any:
-        """Return a value of a request as the field has it."""
+        """Convert a request's value to the field's."""
         return value if self.parts is None or value is None else round(value * self.parts)
 
     def of_field(self, value: Any) -> Any:
-        """Return a value of the field as requests have it."""
+        """Convert the field's value to a request's."""
         return value if self.parts is None or value is None else value / self.parts
 
     def of(self, owner: Field[Any]) -> "Key":
-        """Return the key with what the field to which it belongs says."""
+        """Return the key completed by its field."""
         own = replace(self, name=self.name or owner.name, optional=self.optional or owner.default is not MISSING)
         if self.kind is not None:
             return own
@@ -100,12 +101,12 @@ _KINDS_OF_TYPES: Final = {bool: KeyKind.TRUTH, int: KeyKind.WHOLE, float: KeyKin
 
 @dataclass(frozen=True, slots=True)
 class Keys:
-    """The keys of one field, or a part of one that several fields share.
+    """Keys of one field, or common keys of several fields.
 
     Attributes:
         keys: the keys.
-        join: makes the field's value of those of the keys, None for one that is missing; raises ValueError.
-        split: returns the values of the keys, None for one that the request goes without.
+        join: returns the field's value from those of the keys, None for a missing one; raises ValueError.
+        split: returns the values of the keys, None for one that the request leaves out.
     """
 
     keys: tuple[Key, ...]
@@ -126,7 +127,7 @@ _by_field: Final[Callable[[Any], dict[str, Keys]]] = cache(_read_keys)
 
 @dataclass(frozen=True, slots=True)
 class Fault(operations.Operation):
-    """Something that goes wrong, or is repaired.
+    """A fault, or its repair.
 
     Raises:
         ValueError: a value is outside the limits of its key.
@@ -135,17 +136,17 @@ class Fault(operations.Operation):
     do: ClassVar[str]
     """Its name in requests."""
     reactions: ClassVar[Sequence[Documented]]
-    """The documented reactions: the first row is right whose condition holds when the fault begins."""
+    """Documented reactions: the first row whose condition holds at the fault's beginning applies."""
     over: ClassVar[str] = "it is over at once"
     """Why nothing ends it, if it has no `undo`."""
     ends: ClassVar[str] = ""
-    """What ends it, with `{key}` for the value of a key; empty if the state of the machine shows it."""
+    """How it ends, with `{key}` for the value of a key; empty if the state of the machine shows it."""
     ended_by: ClassVar[Mapping[str, Any]] = {}
     """Values of keys with which the same request ends the fault; None: the key is left out."""
     place_fields: ClassVar[Sequence[str]] = ("axis",)
-    """Fields that say where it is, if it has them: a later fault in the same place replaces an earlier one."""
+    """Fields of its place, if it has them: a later fault in the same place replaces an earlier one."""
     takes_down: ClassVar[bool] = False
-    """True if it takes boards down. Their drivers are not asked before: it cuts off pulses that have begun."""
+    """True if it takes boards down. Their drivers are not read before, since it cuts off pulses that have begun."""
 
     def __post_init__(self) -> None:
         for name, each in self.by_field().items():
@@ -155,11 +156,11 @@ class Fault(operations.Operation):
             if not key.least <= key.of_field(value) <= key.most:
                 raise ValueError(f"{name} {value:.10g} {_outside(key)}")
 
-    # --- what it is called
+    # --- names
 
     @classmethod
     def sentence(cls) -> str:
-        """Return what it does: the summary of its docstring, in Markdown."""
+        """Return its description: the summary of its docstring, in Markdown."""
         text = " ".join(cleandoc(cls.__doc__ or "").partition("\n\n")[0].split()).removesuffix(".")
         return text[:1].lower() + text[1:]
 
@@ -176,20 +177,20 @@ class Fault(operations.Operation):
 
     @classmethod
     def shown(cls, _state: "ControlState", _values: Mapping[str, Any]) -> str:
-        """Return the line about a request with these values that the state of a board gives; empty for none."""
+        """Return a line about a request with these values from the state of a board; empty for none."""
         return ""
 
-    # --- how it begins and ends
+    # --- beginning and end
 
     def check_motors(self, *, turning: bool) -> None:
-        """Raise InputError for a fault that only turning motors feel, if none turn with the boards."""
+        """Raise InputError for a fault that needs turning motors, if none turn with the boards."""
 
     def undo(self, _before: BoardEnvironment) -> "Fault | None":
-        """Return the fault that ends this one, from the environment before it; None if it has no end."""
+        """Return the fault that ends this one, from the environment before it; None if it cannot end."""
         return None
 
     def begin(self, engine: "Engine", *, ends: bool) -> None:  # noqa: ARG002
-        """Begin on the machine of a scenario; `ends` is true if the time of the end is known."""
+        """Begin on the machine of a scenario; `ends` is True if the time of its end is known."""
         self.apply(engine.target.simulation, 0)
 
     def end(self, engine: "Engine") -> None:
@@ -206,26 +207,26 @@ class Fault(operations.Operation):
         return None
 
     def why_endless(self) -> str | None:
-        """Return why a scenario cannot end it; None if it can."""
+        """Why a scenario cannot end it; None if it can."""
         return self.over if type(self).undo is Fault.undo else None
 
     @classmethod
     def ends_by(cls, values: Mapping[str, Any]) -> str | None:
-        """Return what ends the fault of a request with these values; None if the state of the machine shows it."""
+        """Return how the fault of a request with these values ends; None if the state of the machine shows it."""
         return cls.ending_request(values) if cls.ended_by else cls.ends.format(**values) or None
 
     @classmethod
     def ending_request(cls, values: Mapping[str, Any]) -> str | None:
-        """Return the same request with the values of `ended_by`; None if it has them already."""
+        """Return the request that ends the fault, by `ended_by`; None if the values are those of its end already."""
         if all(values.get(key) == value for key, value in cls.ended_by.items()):
             return None
         needed = (cls.ended_by.get(name, values.get(name)) for name, key in cls.keys().items() if not key.optional)
         return f"`{' '.join((cls.do, *('off' if value is False else str(value) for value in needed)))}`"
 
-    # --- what answers it
+    # --- reaction
 
     def documented(self, moment: "Moment") -> Documented:
-        """Return the documented reaction to the fault if it begins at this moment."""
+        """Return the documented reaction to the fault at this moment."""
         return next(row for row in self.reactions if row.when(self, moment))
 
     def concerned(self, boards: Sequence[int]) -> list[int]:
@@ -240,11 +241,11 @@ def _outside(key: Key) -> str:
 
 @dataclass(frozen=True, slots=True)
 class MachineFault(Fault):
-    """A fault of the boards of a simulation, or of their bus, that is over as soon as it is done."""
+    """A fault of a simulation's boards, or of their bus, that is applied in one instant."""
 
     @property
     def changes(self) -> tuple[object, ...]:
-        """What it changes, such as the supply or the wire of an axis."""
+        """Identify its target, such as the supply or the wire of an axis."""
         return (type(self), *(getattr(self, name, None) for name in self.place_fields))
 
     def begin(self, engine: "Engine", *, ends: bool) -> None:  # noqa: ARG002

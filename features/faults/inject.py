@@ -66,11 +66,11 @@ def inject(
     which.tell(dict(state.document), in_words)
 
 
-# --- the state in words
+# --- state as text
 
 
 def _rates(state: "ControlState") -> str:
-    """Return that the host has another bit rate than the bus was made for, if it has."""
+    """Return a note on the host's bit rate if it differs from that of the bus."""
     if state.host_bitrate == state.bitrate:
         return ""
     return f", the host at {state.host_bitrate // 1000} kbit/s instead of {state.bitrate // 1000}"

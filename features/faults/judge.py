@@ -1,4 +1,4 @@
-"""Judge what a machine did after each fault: compare it with the reaction that is right, and its time to standstill."""
+"""Judge a machine's reaction to each fault by the expected reaction and its time to standstill."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -23,20 +23,20 @@ from steptwin.host.verify import Evidence
 from steptwin.protocol.cia402 import ErrorCode, State
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
-# --- the time to standstill
+# --- time to standstill
 
 
 def standstill_ms(evidence: Evidence, began_counts: int) -> float:
-    """Return the time from an instant to the last step of any axis; 0 if there was none after it."""
+    """Return the time in ms from an instant to the last step of any axis; 0 if there was none after it."""
     lasts = [int(axis.step_counts[-1]) for axis in evidence.axes if axis.step_counts.size]
     return max(max(lasts, default=began_counts) - began_counts, 0) / COUNTS_PER_MS
 
 
 def standstill_limit_ms(robot: Robot, fault: Fault, reaction: Reaction, began: Moment) -> float:
-    """Return the longest time from a fault's beginning to the last step.
+    """Return the longest allowed time in ms from a fault's beginning to the last step.
 
-    Axes that stop with one whose pulses end at once do so by a ramp as well. A ramp that begins at once is that from
-    the present speeds, which may rise for a tick. Axes on other boards are stopped by the host.
+    If the pulses of one axis end at once, the others stop by a ramp. A ramp that begins at once starts at the present
+    speeds, which may rise for a tick. Axes on other boards are stopped by the host.
     """
     axes = fault.concerned(began.boards)
     if reaction.motion is Motion.CUT and len(axes) == len(began.axes):
@@ -51,15 +51,15 @@ def standstill_limit_ms(robot: Robot, fault: Fault, reaction: Reaction, began: M
 
 
 def longest_ramp_ms(robot: Robot) -> float:
-    """Return how long the axes of a robot take to stop from their highest speeds; the firmware rounds up to 1 ms."""
+    """Return the longest stop in ms of any axis from its highest speed; the firmware rounds up to 1 ms."""
     return float(ceil(1000 * float(np.max(robot.axis_speeds_max / robot.axis_accelerations_max))))
 
 
-# --- the scenario
+# --- scenario
 
 
 def scenario_report(engine: Engine, end: RunEnd) -> ScenarioReport:
-    """Report the scenario that an engine has played to the end of a run, which is now."""
+    """Report a scenario that has been played to the end of a run."""
     moment = moment_of(engine.target)
     faults = tuple(_fault_report(engine, each, end, moment) for each in engine.played)
     reasons = [f"{fault.name}: {difference}" for fault in faults for difference in fault.differences]
@@ -73,9 +73,9 @@ def scenario_report(engine: Engine, end: RunEnd) -> ScenarioReport:
 
 
 def played_document(engine: Engine) -> dict[str, Any]:
-    """Return what has become of each fault so far, under the keys of report.json, without a judgement.
+    """Return the state of each fault so far, under the keys of report.json, without a judgement.
 
-    A live board has no end and no plan of its own: how hosts answer is their own affair.
+    A live board has no end and no plan of its own; the reactions of its hosts are their own matter.
     """
     scenario = engine.scenario
     return {
@@ -85,7 +85,7 @@ def played_document(engine: Engine) -> dict[str, Any]:
 
 
 def _facts(engine: Engine, played: Played) -> FaultReport:
-    """Return what has become of a fault so far, without a judgement."""
+    """Return the state of a fault so far, without a judgement."""
     triggered, began, names = played.triggered, played.began, engine.target.robot.axis_names
     emcys = [] if began is None else _emergencies(engine, began)[0]
     return FaultReport(
@@ -121,12 +121,12 @@ def _fault_report(engine: Engine, played: Played, end: RunEnd, moment: Moment) -
 
 
 def _seconds(engine: Engine, counts: int) -> float:
-    """Return an instant in seconds from the motion's start; from power-up if there was no motion."""
+    """Return an instant in seconds from the motion's start; from power-up without a motion."""
     return (counts - (engine.start_counts or 0)) / COUNTS_PER_SECOND
 
 
 def _emergencies(engine: Engine, began: Moment) -> tuple[list[Emergency], list[Emergency]]:
-    """Return the errors reported from the beginning of a fault to that of the next one, and those after that."""
+    """Return the errors reported between the beginnings of a fault and of the next one, and the later errors."""
     begins = [each.began.counts for each in engine.played if each.began is not None]
     next_counts = min((counts for counts in begins if counts > began.counts), default=inf)
     since = [each for each in engine.emergencies if each.counts >= began.counts and each.code]
@@ -145,28 +145,28 @@ def _why_never(engine: Engine, played: Played, end: RunEnd, moment: Moment) -> s
     return f"{trigger}: {why}"
 
 
-# --- a fault
+# --- fault
 
 
 def _right_reaction(played: Played) -> Reaction | None:
-    """Return the reaction to a fault that is right; None before it begins."""
+    """Return the expected reaction to the fault; None before it begins."""
     if played.began is None:
         return None
     return played.triggered.expected or played.fault.documented(played.began).reaction
 
 
 def _codes(played: Played) -> set[ErrorCode]:
-    """Return the codes with which a fault that has begun may be answered, even after the next one has begun."""
+    """Return the codes that may report a fault, even after the next one has begun."""
     reaction = _right_reaction(played)
     if reaction is None:
         return set()
-    # Reports that change again before they are sent are replaced, which the board tells.
+    # A report that changes again before it is sent is replaced, which the board reports.
     stopped_too = [ErrorCode.GROUP_STOPPED] if reaction.stops else []
     return {*reaction.codes, *reaction.others, *stopped_too, ErrorCode.CAN_OVERRUN}
 
 
 def _stops_motion(emcys: Sequence[Emergency]) -> bool:
-    """Return whether any of these errors stops a motion: errors of the bus alone do not."""
+    """Return whether any of these errors stops a motion; errors of the bus alone do not."""
     known = [ErrorCode(each.code) if each.code in set(ErrorCode) else None for each in emcys]
     return any(code is None or not code.communication or code.lost_connection for code in known)
 
@@ -179,20 +179,20 @@ def _joints(robot: Robot, began: Moment | None, end: Moment) -> dict[str, JointA
 
 
 def _lost_steps(joint: Joint, before: AxisMoment, after: AxisMoment) -> float | None:
-    """Return the steps that were lost between two instants; None after a restart, or if a lag was not read."""
+    """Return the steps lost between two instants; None after a restart, or if a lag was not read."""
     if before.boot is not after.boot or before.lag_full_steps is None or after.lag_full_steps is None:
         return None
     return (after.lag_full_steps - before.lag_full_steps) * joint.transmission.microsteps
 
 
 class _Judgement:
-    """What a machine did after a fault had begun, compared with the reaction that is right.
+    """A machine's reaction to a fault, compared with the expected one.
 
     Attributes:
-        reaction: the reaction that is right.
-        limit_ms: longest time to standstill; None if the motion goes on. A board keeps it by its own crystal.
-        standstill_ms: time to the last step before the machine stood because of the fault; None if the motion went on.
-        joints: the joints at the end of the run, by name.
+        reaction: expected reaction.
+        limit_ms: longest time to standstill, by the board's own crystal; None if the motion goes on.
+        standstill_ms: time to the last step before the fault's standstill; None if the motion went on.
+        joints: joints at the end of the run, by name.
     """
 
     def __init__(self, engine: Engine, played: Played, began: Moment, end: RunEnd, moment: Moment) -> None:
@@ -208,14 +208,14 @@ class _Judgement:
         limit_ms = standstill_limit_ms(robot, played.fault, reaction, began) * (1 + slow_ppm / 1e6)
         self.limit_ms = limit_ms if reaction.stops else None
         self._concerned = [axis for axis in played.fault.concerned(began.boards) if began.axes[axis].energised]
-        """The axes that must answer: a drive that is off does not."""
+        """Axes that must react: all but drives that are off."""
         reactions = [_right_reaction(each) for each in engine.played]
         unknowable = any(each is not None and not each.verified for each in reactions)
         self._losses_reported = unknowable and (bool(end.reasons) or end.stopped)
-        """True if steps may go missing by a fault, and the run's verdict, or that of a stopped run, tells it."""
+        """True if lost steps are allowed by a fault, and the verdict of the run or of a stopped run reports them."""
 
     def differences(self) -> list[str]:
-        """Return what is not as it should be."""
+        """Return all deviations from the expected reaction."""
         reaction, stood = self.reaction, self.standstill_ms is not None
         found = [f"EMCY 0x{code:04X} is not documented" for code in self._undocumented_codes()]
         if reaction.stops and self._concerned and (stood or reaction.certain):
@@ -233,12 +233,12 @@ class _Judgement:
         return found
 
     def _undocumented_codes(self) -> list[int]:
-        """Return the codes that were reported and answer neither this fault nor another one."""
+        """Return reported codes that belong neither to this fault nor to another one."""
         others = {code for each in self._engine.played if each is not self._played for code in _codes(each)}
         allowed = {*self.reaction.codes, *self.reaction.others, *others}
         if self.reaction.stops:
             allowed.add(ErrorCode.GROUP_STOPPED)
-        if self._played.ended_counts is not None:  # one that ends soon changes reports twice: newer ones replace them
+        if self._played.ended_counts is not None:  # a short fault changes reports twice: newer ones replace them
             allowed.add(ErrorCode.CAN_OVERRUN)
         return sorted({each.code for each in self._emcys} - allowed)
 
@@ -251,9 +251,9 @@ class _Judgement:
         return found
 
     def _unreported(self, axis: int) -> list[str]:
-        """Return that an axis has not reported the fault with a code of the reaction, if it has not and must.
+        """Return a text if an axis has not reported the fault as the reaction requires.
 
-        On a bus with faults its EMCY may be lost as well.
+        On a bus with faults, its EMCY may be lost.
         """
         codes = self.reaction.codes
         if not codes or isinstance(self._played.fault, BusFault):
@@ -263,10 +263,10 @@ class _Judgement:
         return [f"{list(self.joints)[axis]}: no EMCY {' or '.join(f'0x{code:04X}' for code in codes)}"]
 
     def _wrong_end(self, axis: int) -> list[str]:
-        """Return what is wrong with an axis that has stopped."""
+        """Return the errors in the end state of a stopped axis."""
         reaction, (name, joint), before = self.reaction, list(self.joints.items())[axis], self._began.axes[axis]
         found = []
-        # The host may have switched the drive off: at the motion's end, or to stop it with others.
+        # The host may have switched the drive off, at the motion's end or to stop it with others.
         switched_off = not reaction.certain and joint.state is State.SWITCH_ON_DISABLED and joint.position_known
         if reaction.state is not None and joint.state is not reaction.state and not switched_off:
             found.append(f"{name}: in {state_text(joint.state)}, not in {state_text(reaction.state)}")

@@ -1,4 +1,4 @@
-"""Drive a machine by a host that hangs, dies, is late or sends points out of order, and let the machine outlive it."""
+"""Drive a machine with a host that hangs, dies, is late or sends points out of order, and continue without it."""
 
 from collections.abc import Callable
 from typing import Final
@@ -11,7 +11,7 @@ from steptwin.features.faults.kinds.host import HostCondition
 from steptwin.host.client import Machine
 from steptwin.host.client.drive_status import FAULT_STATES
 from steptwin.host.client.lease import TIMEOUT_MS
-from steptwin.host.client.stopping import await_rest
+from steptwin.host.client.stopping import await_standstill
 from steptwin.host.client.waiting import REST_TIMEOUT_S
 from steptwin.host.client.words import error_text
 from steptwin.host.common.errors import BusError, StepTwinError
@@ -26,21 +26,20 @@ from steptwin.protocol.frame import COB_RPDO, FIRST_NODE_ID, NODE_ID_MAX
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _HANGING_S: Final = 0.01
-"""Time after which it is seen whether the program goes on."""
+"""Period of looks whether a hanging program continues."""
 _RECORDS: Final = range(COB_RPDO[3] + FIRST_NODE_ID, COB_RPDO[3] + NODE_ID_MAX + 1)
 """Identifiers of the points of all nodes."""
 
 
 class HostLostError(BusError):
-    """The host's program ends here, as a scenario wants it: it does nothing any more."""
+    """The host's program ends here, as a scenario requires."""
 
 
 class FaultyNetwork(EmbeddedNetwork):
-    """An embedded network whose client hangs, dies, is late or sends points out of order, as its condition says.
+    """An embedded network whose client hangs, dies, is late or sends points out of order, by its condition.
 
     The client notices nothing: a wait or a frame takes longer, or never returns. While the program hangs, the bus
-    interface goes on with the periodic heartbeat, as the kernel's broadcast manager does; a program that has died has
-    none.
+    interface goes on with the periodic heartbeat, as the kernel's broadcast manager does; a dead program sends none.
     """
 
     def __init__(self, simulation: Simulation, condition: HostCondition, moving: Callable[[], bool]) -> None:
@@ -48,23 +47,24 @@ class FaultyNetwork(EmbeddedNetwork):
 
         Args:
             simulation: the simulated boards.
-            condition: how the client is; it may change at any instant.
-            moving: returns whether the machine moves: a client is left when it stands, unless it is known to go on.
+            condition: condition of the client; it may change at any instant.
+            moving: returns True while the machine moves. A hanging client is given up at standstill, unless it is known
+                to continue.
         """
         super().__init__(simulation)
         self._condition = condition
         self._moving = moving
         self._held: dict[int, bytes] = {}
-        """The point of each identifier that waits for the one that follows it."""
+        """Point of each identifier that waits for the next one."""
 
     def wait(self, dt_s: float) -> None:
-        """Let simulated time pass, more if the client is late; raises HostLostError if it never goes on."""
+        """Let simulated time pass, more if the client is late; raise HostLostError if it never continues."""
         self._go_on()
         super().wait(dt_s + self._condition.late_s)
         self._go_on()
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """Send a frame, or hold a point back until the next one has been sent; raises as `wait`."""
+        """Send a frame, or hold a point back until the next one has been sent; raise HostLostError as `wait`."""
         self._go_on()
         if can_id in _RECORDS and (self._condition.disordered or can_id in self._held):
             held = self._held.pop(can_id, None)
@@ -78,12 +78,12 @@ class FaultyNetwork(EmbeddedNetwork):
 
     def _send_due(self) -> None:
         if self._condition.dead:
-            self._repeated.take_due()  # they lapse: a wait in which the program dies goes on without them
+            self._repeated.take_due()  # held points are lost if the program dies in this wait
         else:
             super()._send_due()
 
     def _go_on(self) -> None:
-        """Return when the client goes on."""
+        """Return when the client continues."""
         condition = self._condition
         while condition.hangs and not condition.dead:
             moves = self._moving()
@@ -95,13 +95,13 @@ class FaultyNetwork(EmbeddedNetwork):
 
 
 def replace_host(board: EmbeddedBoard, host: HostCondition) -> None:
-    """Connect another host to a board: nothing that the one before it was told is known."""
+    """Connect another host to a board; it starts without the state of the old one."""
     host.dead, host.restart_counts = False, None
     board.connect_host()
 
 
 def without_host(error: BusError, board: EmbeddedBoard, engine: Engine, host: HostCondition) -> RunFault:
-    """Let the machine outlive a host that has ended, as one does that has an error of the bus."""
+    """Run the machine on after its host has ended, as after a bus error."""
     message = outlive(board, engine, host, str(error))
     robot, counted = board.robot, board.counted_units()
     return RunFault(
@@ -117,17 +117,16 @@ def without_host(error: BusError, board: EmbeddedBoard, engine: Engine, host: Ho
 
 _LOOK_S: Final = 0.01
 _MISSED_S: Final = TIMEOUT_MS / 1000 + 0.1
-"""Time after which all axes have missed the host's heartbeat, and said so."""
+"""Time until all axes have missed the host's heartbeat, and reported it."""
 
 
 def outlive(board: EmbeddedBoard, engine: Engine, host: HostCondition, why: str) -> str:
-    """Let a machine come to rest without its host, and another host take over if there is one; return what was said.
+    """Run a machine to standstill without its host, and let another host take over if planned; return a message.
 
-    Args:
-        board: the board.
-        engine: the engine that plays its scenario.
-        host: how the host is.
-        why: what has become of the host.
+    board: the board.
+    engine: engine of its scenario.
+    host: condition of the host.
+    why: what has happened to the host.
     """
     restart_counts = host.restart_counts
     taken_over = ""
@@ -147,14 +146,14 @@ def outlive(board: EmbeddedBoard, engine: Engine, host: HostCondition, why: str)
 
 
 def _restart(board: EmbeddedBoard, host: HostCondition) -> str:
-    """Let another host take over, as an operator does: wait for rest, reset the faults, enable; return what it says."""
+    """Let another host take over, as an operator does: wait for standstill, reset, enable; return a message."""
     replace_host(board, host)
     machine = Machine(board, board.robot.axis_names)
     try:
-        await_rest(board, machine.axes)
+        await_standstill(board, machine.axes)
         for axis in machine.axes:
             if axis.state() in FAULT_STATES:
-                axis.write(od.CONSUMER_HEARTBEATS[0], 0)  # of the host that is gone
+                axis.write(od.CONSUMER_HEARTBEATS[0], 0)  # messages of the lost host
                 axis.write(od.CONTROLWORD, 0)
                 axis.write(od.CONTROLWORD, Control.FAULT_RESET)
         machine.adopt([objects_of(joint, board.robot.board, moves=True) for joint in board.robot.axes])

@@ -1,4 +1,4 @@
-"""What all axes of a machine do at an instant, as its boards know it: when a fault begins, and at the end of a run."""
+"""State of all axes of a machine at an instant, by its boards: when a fault begins, and at the end of a run."""
 
 from collections.abc import Collection
 from dataclasses import dataclass, field
@@ -15,15 +15,14 @@ class AxisMoment:
 
     Attributes:
         state: state of its drive.
-        energised: whether the driver's outputs are on.
+        energised: True if the driver's outputs are on.
         velocity: demanded velocity in 1/64 unit per ms; 0 at rest.
         deceleration: of a stop after a fault, in units/s^2.
-        position_known: whether the firmware says that it knows the position.
-        lag_full_steps: what the firmware has counted less what the driver has counted;
-            only its change means anything. None if it was not read.
+        position_known: True if the firmware reports that it knows the position.
+        lag_full_steps: firmware's count minus driver's count; only its change is meaningful. None if it was not read.
         board: number of the axis' board.
         boot: object that a board replaces when it restarts, as after a reset: then it counts from 0 again.
-        fault_input: the input by which the board sees the driver's fault output; None: none.
+        fault_input: the board's input for the driver's fault output; None: none.
     """
 
     state: State
@@ -39,7 +38,7 @@ class AxisMoment:
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """All axes of the machine at an instant, in counts since power-up, and the bit rate for which its bus was made."""
+    """All axes of the machine at an instant, in counts since power-up, and the nominal bit rate of its bus."""
 
     counts: int
     axes: tuple[AxisMoment, ...]
@@ -47,7 +46,7 @@ class Moment:
 
     @property
     def boards(self) -> tuple[int, ...]:
-        """The number of each axis' board."""
+        """Number of each axis' board."""
         return tuple(axis.board for axis in self.axes)
 
     @property
@@ -59,7 +58,7 @@ class Moment:
 def _axis_moment(board: Board, axis: int, number: int, *, counted: bool) -> AxisMoment:
     node, motion, driver = board.firmware.nodes[axis], board.firmware.motion.axes[axis], board.drivers.drivers[axis]
     lag_full_steps = None
-    if counted:  # the driver processes its pulses before it is asked for those that its module still holds back
+    if counted:  # the driver processes its pulses before its module reports those that it still holds back
         position_full_steps = board.position_full_steps(axis) + driver.held_steps / driver.microsteps
         lag_full_steps = motion.counter_steps / motion.config.microsteps - position_full_steps
     return AxisMoment(
@@ -76,10 +75,10 @@ def _axis_moment(board: Board, axis: int, number: int, *, counted: bool) -> Axis
 
 
 def moment_of(machine: RobotBoards, uncounted: Collection[int] = ()) -> Moment:
-    """Return what all axes do now.
+    """Return the present state of all axes.
 
-    The drivers of the axes in `uncounted` are not asked: to answer they process the pulses of the whole servo tick,
-    which a reset within it must still be able to take back.
+    Drivers of the axes in `uncounted` are not read: reading processes the pulses of the whole servo tick, and a reset
+    within the tick must still be able to cancel them.
     """
     return Moment(
         machine.simulation.now_counts,

@@ -1,4 +1,4 @@
-"""The scenario of an emulated machine: what goes wrong with it on purpose."""
+"""Options of an emulated machine: its scenario of faults."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -26,26 +26,26 @@ _FAULTS: Final = Spelling(
 class FaultOptions:
     """The scenario of an emulated machine; its times count from the first motion that a SYNC starts, or from power-up.
 
-    A path stands for the scenario in that file, and faults for one in which they begin at power-up.
+    A path names the scenario's file; a list of faults begins at power-up.
     """
 
     scenario: "Scenario | Sequence[Fault] | Path | str | None" = field(default=None, metadata={SPELLING: _FAULTS})
 
     def over(self, other: "FaultOptions") -> "FaultOptions":
-        """Return other options, with those of these that are no defaults in place of theirs."""
+        """Return `other`, with this object's scenario in place of its own if there is one."""
         return other if self.scenario is None else self
 
     def read_for(self, robot: "Robot", folder: Path) -> "FaultOptions":
-        """Return the same with the scenario read; the file's relative path begins at a folder."""
+        """Return the options with the scenario read; a relative path begins at a folder."""
         given = self.scenario
         placed = replace(self, scenario=folder / given if isinstance(given, str) else given)
         return replace(self, scenario=placed.scenario_for(robot))
 
     def scenario_for(self, robot: "Robot") -> "Scenario | None":
-        """Return the scenario, read for a robot if it is in a file.
+        """Return the scenario, read for a robot if it is a file.
 
         Raises:
-            InputError: something is wrong in the file, or there is no scenario in what is given.
+            InputError: the file is invalid, or the options have no scenario.
         """
         from steptwin.features.faults.fault import Fault
         from steptwin.features.faults.scenario import Scenario, read_scenario

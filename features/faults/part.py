@@ -1,4 +1,4 @@
-"""Play a scenario on an emulated machine: its engine, what has become of the host, and the verdict on the run."""
+"""Play a scenario on an emulated machine: its engine, the host's condition, and the verdict on the run."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -22,7 +22,7 @@ class FaultsPart(MachinePart):
 
     Attributes:
         scenario: the faults.
-        host: what they have made of the host.
+        host: condition of the host.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -32,15 +32,15 @@ class FaultsPart(MachinePart):
 
     @property
     def engine(self) -> Engine:
-        """Plays the scenario, once the machine is switched on."""
+        """Engine of the scenario, once the machine is switched on."""
         assert self._engine is not None, "the machine is not switched on"
         return self._engine
 
     def switched_on(self, machine: EmulatedMachine) -> None:
-        """Begin with what is due at power-up.
+        """Begin faults that are due at power-up.
 
         Raises:
-            InputError: the machine lacks what a fault concerns, or runs other firmware.
+            InputError: the machine lacks the target of a fault, or runs other firmware.
         """
         if not all(board.runs_own for board in machine.simulation.boards):
             raise InputError("firmware: a scenario is judged by the reactions of StepTwin's firmware")
@@ -63,7 +63,7 @@ class FaultsPart(MachinePart):
         return played_document(self.engine)
 
     def in_words(self) -> str:
-        """Return what has become of each fault so far, a line for each."""
+        """Return the state of each fault so far, a line each."""
         lines = []
         for fault in self.document()[NAME]:
             struck = "never struck" if fault["struck_s"] is None else f"struck at {fault['struck_s']:.6f} s"
@@ -82,7 +82,7 @@ def part_of(board: EmbeddedBoard) -> FaultsPart | None:
 
 
 def repair(board: EmbeddedBoard) -> None:
-    """End every fault of the scenario that lasts, and let none begin any more; a host that has died is replaced."""
+    """End every lasting fault of the scenario and prevent further ones; replace a dead host."""
     part = part_of(board)
     if part is not None:
         part.engine.repair()

@@ -1,4 +1,4 @@
-"""What the machine does for a fault, as data, how soon, and a row of the table that documents it."""
+"""Reactions of the machine to a fault, as data, with their time limits, and the rows of their table."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,25 +15,26 @@ if TYPE_CHECKING:
     from steptwin.features.faults.moment import Moment
 
 TICK_MS: Final = 0.25
-"""The firmware sees its inputs, and begins a ramp, with the next servo tick."""
+"""The firmware reads its inputs, and begins a ramp, with the next servo tick."""
 HEARTBEAT_MS: Final = TIMEOUT_MS + TICK_MS
-"""A host is lost when its heartbeat has been missing for this long."""
+"""A host is lost when its heartbeat has been missing for this time."""
 RECORD_MS: Final = 10
 """Longest record of a planned motion."""
 QUEUE_MS: Final = (QUEUE_DEPTH + 1) * RECORD_MS + TICK_MS
-"""A full queue and the record in execution last so long."""
+"""Longest motion of a full queue and the record in execution."""
 
 HOST_NOTICES_MS: Final = 40.0
-"""What a host needs to stop the other boards after a fault on one: the inhibit time of its report and two looks of the
-host, 10 ms each, and frames that wait for the bus."""
+"""Time until a host has stopped the other boards after a fault on one: the inhibit time of its report, two looks of the
+host, 10 ms each, and waiting frames.
+"""
 LOST_BOARD_MS: Final = 1000 * SILENCE_S + 100 + HOST_NOTICES_MS
-"""Until a host notices that a board is silent, whose last report may be one period of its event timer, 100 ms, old."""
+"""Time until a host notices a silent board; its last report may be one event timer period, 100 ms, old."""
 DEAF_BOARD_MS: Final = 1000 * REPLY_TIMEOUT_S + HOST_NOTICES_MS
-"""Until a host has stopped the axes that have started because others have not."""
+"""Time until a host has stopped the axes that have started without the others."""
 
 
 class Motion(Enum):
-    """What becomes of the motion."""
+    """Effect of a fault on the motion."""
 
     GOES_ON = "goes on"
     RAMP = "stops by a ramp"
@@ -43,19 +44,19 @@ class Motion(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Reaction:
-    """What the machine does for a fault.
+    """Reaction of the machine to a fault.
 
     Attributes:
-        motion: what becomes of the motion.
-        codes: error codes of EMCY, with one of which each axis concerned reports it; empty: they report nothing.
-        state: state of these axes' drives afterwards; None: the same as before.
-        begins_ms: time from the fault's beginning within which the ramp begins or the pulses end.
-        certain: whether it must come; else none is right as well.
-        verified: whether the drivers' counts are as planned as long as the motion goes on; False: `verify` tells.
+        motion: effect on the motion.
+        codes: error codes of EMCY; each axis concerned reports one of them; empty: no report.
+        state: state of these axes' drives afterwards; None: unchanged.
+        begins_ms: longest time from the fault's beginning to the start of the ramp or the end of pulses.
+        certain: True if the reaction is required; False if none is right, too.
+        verified: True if the drivers' counts stay as planned while the motion goes on; False: `verify` reports it.
         others: error codes that axes may report which the fault does not concern.
 
     Raises:
-        ValueError: a state is expected after a motion that goes on.
+        ValueError: a state is given although the motion goes on.
     """
 
     motion: Motion
@@ -77,28 +78,28 @@ class Reaction:
 
     @property
     def may_stop(self) -> bool:
-        """True if the motion may end because of the fault."""
+        """True if the fault may end the motion."""
         return self.stops or not self.certain
 
     @property
     def position_known(self) -> bool:
-        """Whether axes that moved know their positions afterwards."""
+        """True if moved axes know their positions afterwards."""
         return self.motion is not Motion.CUT
 
 
 GOES_ON: Final = Reaction(Motion.GOES_ON)
 UNKNOWABLE: Final = Reaction(Motion.RAMP, (ErrorCode.LIMIT_SWITCH,), State.FAULT, inf, certain=False, verified=False)
-"""A motor is elsewhere than its drive believes: nothing tells that, unless it comes to a limit switch."""
+"""A motor is away from its drive's position; nothing reports that but a limit switch."""
 RUN_DRY: Final = (ErrorCode.PVT_UNDERRUN, ErrorCode.GROUP_STOPPED)
-"""Error codes where queues run dry: an axis that rests then is stopped with those that move."""
+"""Error codes of queues that run dry: an axis at rest is stopped with moving ones."""
 HOST_LOST: Final = (ErrorCode.HEARTBEAT_LOST, *RUN_DRY)
-"""Error codes where the host is gone: a full queue of short records runs dry before the heartbeat is missed."""
+"""Error codes of a lost host: a full queue of short records runs dry before the heartbeat is missed."""
 
 
 def stops(
     *codes: ErrorCode, motion: Motion = Motion.RAMP, begins_ms: float = TICK_MS, certain: bool = True
 ) -> Reaction:
-    """Return the reaction by which axes stop in a fault and report it with one of these codes."""
+    """Return a reaction that stops the axes; they report one of these codes."""
     return Reaction(motion, codes, State.FAULT, begins_ms, certain)
 
 
@@ -107,10 +108,10 @@ class Documented:
     """A row of the table of documented reactions.
 
     Attributes:
-        what: the fault, in words.
+        what: the fault, as text.
         reaction: the reaction.
-        why: a remark for the page; may be empty.
-        when: returns whether it is right for a fault that begins while the machine does this; by default it always is.
+        why: remark for the page; may be empty.
+        when: returns whether the row applies to a fault that begins at this moment; by default always.
     """
 
     what: str

@@ -1,4 +1,4 @@
-"""The report of a played scenario: what became of each fault, whether the answer is as documented, and its print."""
+"""Report of a played scenario: strikes of each fault, comparison with the documented reaction, and its printing."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ from steptwin.protocol.cia402 import State
 
 @dataclass(frozen=True, slots=True)
 class ReportedError:
-    """An EMCY after a fault: joint, error code, and the time from the fault's beginning until it was on the bus."""
+    """An EMCY after a fault: joint, error code, and the time from the fault's beginning until the bus had it."""
 
     joint: str
     code: int
@@ -32,9 +32,9 @@ class JointAnswer:
 
     Attributes:
         state: state of its drive.
-        position_known: whether the firmware says that it knows the position.
-        lost_steps: steps that the firmware has counted since the fault's beginning and the driver has not; None if the
-            board has restarted since: its count begins again then.
+        position_known: True if the firmware reports that it knows the position.
+        lost_steps: steps since the fault's beginning that the firmware has counted and the driver has not; None if the
+            board has restarted since, as its count then begins again.
     """
 
     state: State
@@ -56,19 +56,19 @@ class FaultReport:
 
     Attributes:
         name: its name in the scenario.
-        request: what it does, as a request of the control port.
-        due: its trigger in words.
+        request: the fault as a request of the control port.
+        due: its trigger as text.
         struck_s: instant of its first strike, in seconds from the motion's start, or from power-up without one; None:
             it never struck.
         strikes: number of its strikes.
         ended_s: instant of its end; None if it lasted.
-        emcys: the EMCYs from its beginning to that of the next fault.
-        standstill_ms: time from its beginning to the last step before the machine stood; None if it went on.
-        joints: the joints at the end of the run, by name.
+        emcys: EMCYs from its beginning to that of the next fault.
+        standstill_ms: time from its beginning to the last step before standstill; None if the machine went on.
+        joints: joints at the end of the run, by name.
         what: the fault in the words of the table of documented reactions; empty if it never struck.
-        reaction: the reaction that is right; None if it never struck.
+        reaction: expected reaction; None if it never struck.
         limit_ms: longest time to standstill; None if the motion goes on.
-        differences: what was not as it should be, in words.
+        differences: deviations from the expected reaction, as text.
     """
 
     name: str
@@ -87,16 +87,16 @@ class FaultReport:
 
     @property
     def struck(self) -> bool:
-        """True if it did something."""
+        """True if it struck."""
         return self.struck_s is not None
 
     @property
     def as_documented(self) -> bool:
-        """True if it struck and the machine answered as it should."""
+        """True if it struck and the machine reacted as expected."""
         return self.struck and not self.differences
 
     def so_far(self) -> dict[str, Any]:
-        """Return what is known of the fault before the run has ended, under the keys of report.json."""
+        """Return the fault's state before the run has ended, under the keys of report.json."""
         return {
             "name": self.name,
             "do": dict(self.request),
@@ -131,7 +131,7 @@ class FaultReport:
 
 @dataclass(frozen=True, slots=True)
 class ScenarioReport:
-    """A played scenario: its faults in the order of the scenario, and why it failed; no reasons if it passed."""
+    """A played scenario: its faults in order, and the reasons for its failure; none if it passed."""
 
     name: str
     seed: int
@@ -140,7 +140,7 @@ class ScenarioReport:
 
     @property
     def passed(self) -> bool:
-        """True if every fault struck, was answered as documented, and nothing was lost in silence."""
+        """True if every fault struck, had the documented reaction, and nothing was lost in silence."""
         return not self.reasons
 
     def to_dict(self) -> dict[str, Any]:
@@ -161,12 +161,12 @@ def _rounded(value: float | None) -> float | None:
 
 
 def report_in(verdicts: Mapping[str, object]) -> ScenarioReport | None:
-    """Return the report of a scenario among the verdicts of a run; None without one."""
+    """Return the report of a scenario from the verdicts of a run; None without one."""
     found = verdicts.get(NAME)
     return found if isinstance(found, ScenarioReport) else None
 
 
-# --- its print: this module is the feature's `Telling`
+# --- printing: this module is the feature's `Telling`
 
 _UNKNOWN: Final = "unknown after a reset"
 
@@ -208,13 +208,13 @@ def print_run(document: Mapping[str, Any]) -> None:
 
 
 def print_served(document: Mapping[str, Any]) -> None:
-    """Print a row for each fault of a live board, on which no plan says what is right; nothing without a scenario."""
+    """Print a row for each fault of a live board, which has no plan to judge by; nothing without a scenario."""
     if "scenario" in document:
         print_rows({**_COLUMNS, "strikes": "{0[strikes]}"}, document["faults"], text_columns=_TEXTS)
 
 
 def kept(report: Table) -> dict[str, Any]:
-    """Return the faults of a stored report with their names and first strikes; none for a run without a scenario."""
+    """Return the names and first strikes of a stored report's faults; none for a run without a scenario."""
     return {"faults": list(report.each("faults", _kept_fault))} if "faults" in report else {}
 
 
@@ -223,13 +223,13 @@ def _kept_fault(table: Table) -> dict[str, Any]:
 
 
 def print_verified(document: Mapping[str, Any]) -> None:
-    """Print which faults a run had, and when they struck: what is wrong with it may have been meant."""
+    """Print a run's faults and their strikes: a failure may have been intended."""
     for fault in document.get("faults", ()):
         struck = "never struck" if fault["struck_s"] is None else f"struck at {fault['struck_s']:.3f} s"
         say(f"fault on purpose: {fault['name']}, {struck}")
 
 
 def served_failure(document: Mapping[str, Any]) -> str:
-    """Return which faults of a live board's scenario never struck; empty if all did."""
+    """Return the faults of a live board's scenario that never struck; empty if all did."""
     never = [fault["name"] for fault in document.get("faults", ()) if fault["struck_s"] is None]
     return f"scenario {document['scenario']['name']}: never struck: {', '.join(never)}" if never else ""

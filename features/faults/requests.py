@@ -1,8 +1,8 @@
-"""Read requests as faults of a robot's machine, and write faults as requests: the same words for all who ask.
+"""Convert requests to faults of a robot's machine, and faults to requests: one notation for all users.
 
-The control port, `steptwin inject` and the faults of a scenario use them, help and docs show them. What a request may
-have is in the fields of the faults, in `features/faults/kinds/`; here is how each kind of value is read and written.
-A fault of the bus names the frames that it concerns: those of a service, of one joint's node or of all.
+The control port, `steptwin inject` and the faults of a scenario use it; help and docs show it. The fields of the faults
+in `features/faults/kinds/` define the keys of a request; this module reads and writes each kind of value. A fault of
+the bus names its frames: those of a service, of one joint's node or of all.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -12,8 +12,6 @@ from math import inf, isfinite
 from reprlib import repr as short
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
-from pydantic_core import CoreSchema, core_schema
-
 from steptwin.features.faults.fault import Fault, Key, KeyKind
 from steptwin.features.faults.kinds import FAULTS
 from steptwin.features.faults.kinds.host import HostFault
@@ -21,7 +19,8 @@ from steptwin.host.common import numbers
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.choices import LEVELS, STATE, SWITCHES
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_models import FileTable, Within, read_model
+from steptwin.host.common.file_models import FileTable, read_model
+from steptwin.host.common.file_values import ReadBy, Within
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.numbers import LARGEST
 from steptwin.protocol.cia402 import DigitalInput
@@ -57,7 +56,7 @@ _NODES: Final[Mapping[str, tuple[int, ...]]] = {
     "heartbeats": (COB_HEARTBEAT,),
     "of-board": FROM_NODE,
 }
-"""Bases of the identifiers to which a joint's node id is added, by name."""
+"""Base identifiers, by name; a joint's node id is added."""
 _HOST_FRAMES: Final[Mapping[str, tuple[int, ...]]] = {
     "nmt": (COB_NMT,),
     "sync": (COB_SYNC,),
@@ -69,7 +68,7 @@ _HOST_FRAMES: Final[Mapping[str, tuple[int, ...]]] = {
 _OF_HOST: Final = "of-host"
 
 FRAMES: Final = (*_NODES, *_HOST_FRAMES)
-"""The names."""
+"""Names of frames."""
 
 
 def cob_ids(robot: "Robot", name: str, axis: int | None = None) -> tuple[int, ...]:
@@ -81,7 +80,7 @@ def cob_ids(robot: "Robot", name: str, axis: int | None = None) -> tuple[int, ..
 
 
 def name_of(robot: "Robot", ids: tuple[int, ...]) -> tuple[str, int | None] | None:
-    """Return the name of identifiers, and the axis if they are one node's; None if they have no name."""
+    """Return the name of identifiers, and the axis if they belong to one node; None without a name."""
     for axis in (None, *range(len(robot.axes))):
         for name in FRAMES if axis is None else _NODES:
             if cob_ids(robot, name, axis) == ids:
@@ -92,52 +91,38 @@ def name_of(robot: "Robot", ids: tuple[int, ...]) -> tuple[str, int | None] | No
 DATA_BYTES_MAX: Final = 8
 """Longest data of a frame."""
 REQUESTS: Final[Mapping[str, type[Fault] | None]] = {**FAULTS, STATE: None}
-"""What each request does, in the order of help and docs."""
+"""Class of each request, in the order of help and docs."""
 INJECTED: Final = tuple(do for do in REQUESTS if do != HostFault.do)
-"""What may be asked of a served board, whose hosts are programs of their own."""
+"""Requests to a served board; its hosts are other programs."""
 
 
 def sentence(do: str) -> str:
-    """Return what a request does, in words; Markdown."""
+    """Return the description of a request, in Markdown."""
     fault = REQUESTS[do]
     return "nothing: it asks how the machine is" if fault is None else fault.sentence()
 
 
 def keys_of(do: str) -> dict[str, Key]:
-    """Return the keys that a request has beside `do`, in the order of a command's words."""
+    """Return the keys of a request besides `do`, in the order of a command's words."""
     fault = REQUESTS[do]
     return {} if fault is None else fault.keys()
 
 
-# --- the kinds of values
+# --- kinds of values
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ReadAs:
-    """Annotates a value of a model that a function reads.
-
-    Attributes:
-        read: returns what the value means; raises InputError without the key.
-        schema: its JSON schema.
-    """
-
-    read: Callable[[object], object]
-    schema: Mapping[str, Any]
-
-    def __get_pydantic_core_schema__(self, _source: object, _handler: object) -> CoreSchema:
-        return core_schema.no_info_plain_validator_function(self.read)
-
-    def __get_pydantic_json_schema__(self, _schema: CoreSchema, _handler: object) -> dict[str, Any]:
-        return dict(self.schema)
+def read_as(read: Callable[[Any], object], schema: Mapping[str, Any]) -> ReadBy:
+    """Return the annotation of a value that a function reads, which raises InputError without the key."""
+    return ReadBy(lambda value, _: read(value), lambda: dict(schema))
 
 
-def by_name(members: Mapping[str, Any]) -> ReadAs:
-    """Return the annotation of a value that is read by its name."""
-    return ReadAs(lambda value: members[known_name(value, members)], {"enum": [*members]})
+def by_name(members: Mapping[str, Any]) -> ReadBy:
+    """Return the annotation of a value read by name."""
+    return read_as(lambda value: members[known_name(value, members)], {"enum": [*members]})
 
 
 def known_name(value: object, names: Iterable[str]) -> str:
-    """Return a name that is among some; raise InputError, with the nearest, for another value."""
+    """Return a name if it is among `names`; raise InputError, with the nearest, otherwise."""
     if not isinstance(value, str):
         raise InputError(f"{short(value)} is not a text")
     if value not in names:
@@ -165,7 +150,7 @@ def read_identifier(value: object) -> int:
     return value
 
 
-Identifier = Annotated[int, ReadAs(read_identifier, {"type": "integer", "minimum": 0, "maximum": COB_ID_MASK})]
+Identifier = Annotated[int, read_as(read_identifier, {"type": "integer", "minimum": 0, "maximum": COB_ID_MASK})]
 
 
 def _read_frames(value: object) -> str | tuple[int, ...]:
@@ -188,8 +173,8 @@ def _read_bytes(value: object) -> bytes:
     return data
 
 
-def whole_number(least: float = -inf, most: float = inf) -> ReadAs:
-    """Return the annotation of a whole number from a least one on, of at most some size; seeds may be long."""
+def whole_number(least: float = -inf, most: float = inf) -> ReadBy:
+    """Return the annotation of a whole number from `least` to `most`; seeds may be long."""
 
     def read(value: object) -> int:
         if isinstance(value, bool) or not isinstance(value, int):
@@ -201,11 +186,11 @@ def whole_number(least: float = -inf, most: float = inf) -> ReadAs:
         return value
 
     limits = {"minimum": least, "maximum": most}
-    return ReadAs(read, {"type": "integer"} | {name: limit for name, limit in limits.items() if isfinite(limit)})
+    return read_as(read, {"type": "integer"} | {name: limit for name, limit in limits.items() if isfinite(limit)})
 
 
 def _wired_input(robot: "Robot", name: str, _values: Mapping[str, Any]) -> Any:
-    from steptwin.host.operate.inputs_outputs import wired_input  # takes long to import, and help needs it not
+    from steptwin.host.operate.inputs_outputs import wired_input  # slow to import, and not needed for help
 
     return wired_input(robot, name)
 
@@ -238,15 +223,15 @@ def _ids_of(robot: "Robot", frames: str | tuple[int, ...], values: Mapping[str, 
 
 @dataclass(frozen=True, slots=True)
 class ValueKind:
-    """How a kind of value is read and written.
+    """Reading and writing of a kind of value.
 
     Attributes:
-        metavar: stands for it in help.
-        description: what it is in JSON.
-        of_word: returns the value that a word means, None if it means that the key is missing; raises InputError.
+        metavar: its placeholder in help.
+        description: its form in JSON.
+        of_word: converts a word, None for a missing key; raises InputError.
         hint: returns its type in a model of the request.
-        meant: returns what it means for a robot, from it and the request's other values; None: what it is.
-        written: returns what requests have for a field's value, from it and the fault; None: the value.
+        meant: returns its meaning for a robot, from it and the request's other values; None: the value itself.
+        written: returns a request's value from a field's value and the fault; None: the value itself.
     """
 
     metavar: str
@@ -292,7 +277,7 @@ _KINDS: Final[Mapping[KeyKind, ValueKind]] = {
         "FRAMES",
         "name of frames, or list of identifiers",
         lambda word: [_whole(each, 0) for each in word.split(",")] if word[:1].isdigit() else word,
-        lambda _: Annotated[Any, ReadAs(_read_frames, _FRAMES_SCHEMA)],
+        lambda _: Annotated[Any, read_as(_read_frames, _FRAMES_SCHEMA)],
         _ids_of,
     ),
     KeyKind.IDENTIFIER: ValueKind("ID", "identifier", lambda word: _whole(word, 0), lambda _: Identifier),
@@ -300,30 +285,30 @@ _KINDS: Final[Mapping[KeyKind, ValueKind]] = {
         "HEX",
         f"up to {DATA_BYTES_MAX} bytes in hexadecimal digits",
         str,
-        lambda _: Annotated[bytes, ReadAs(_read_bytes, {"type": "string"})],
+        lambda _: Annotated[bytes, read_as(_read_bytes, {"type": "string"})],
         written=lambda _robot, data, _fault: data.hex(" "),
     ),
 }
 
 
 def kind_of(key: Key) -> ValueKind:
-    """Return how the value of a key is read and written."""
+    """Return the reading and writing of a key's value."""
     assert key.kind is not None
     return _KINDS[key.kind]
 
 
 def metavar(key: Key) -> str:
-    """Return what stands for a key's value in help."""
+    """Return the placeholder of a key's value in help."""
     return key.metavar or "|".join(map(str, key.choices)) or kind_of(key).metavar
 
 
 def description(key: Key) -> str:
-    """Return what a key's value is in JSON."""
+    """Return the form of a key's value in JSON."""
     return " or ".join(f"`{each}`" for each in key.choices) or kind_of(key).description
 
 
 def usage(do: str) -> str:
-    """Return what stands behind a request's name in a command: the words that are needed, the others in brackets."""
+    """Return the words after a request's name in a command; optional ones are in brackets."""
     keys = keys_of(do).values()
     return " ".join(f"[{key.name}={metavar(key)}]" if key.optional else metavar(key) for key in keys)
 
@@ -333,7 +318,7 @@ def usage(do: str) -> str:
 
 @cache
 def model_of(do: str, base: Any = FileTable) -> type[Any]:
-    """Return the model of the tables that ask for `do`, with the keys of a base beside those of the fault."""
+    """Return the model of tables with `do`: keys of a base and of the fault."""
     keys: list[Any] = [("do", Literal[do])]
     for key in keys_of(do).values():
         hint = Literal[tuple(key.choices)] if key.choices else kind_of(key).hint(key)
@@ -343,11 +328,11 @@ def model_of(do: str, base: Any = FileTable) -> type[Any]:
 
 
 def read_request(robot: "Robot", request: Mapping[str, Any]) -> Fault | None:
-    """Return the fault that a request asks for; None if it only asks for the state of the machine.
+    """Return the fault of a request; None if it only asks for the state of the machine.
 
     Raises:
-        InputError: the request does not exist, has other keys or a value out of its range, or names something that the
-            robot does not have.
+        InputError: the request is unknown, has other keys or a value out of its range, or names something that the
+            robot lacks.
     """
     findings = Findings()
     table = read_fault_table(request, findings)
@@ -356,7 +341,7 @@ def read_request(robot: "Robot", request: Mapping[str, Any]) -> Fault | None:
 
 
 def read_fault_table(values: object, findings: Findings, base: Any = FileTable) -> Any:
-    """Return the table of a fault by its model, or a part of it; what is wrong goes to the findings.
+    """Return a fault's table, or a part of it, read by its model; errors are added to the findings.
 
     Raises:
         InputError: it is no table, or its `do` is missing or unknown.
@@ -371,10 +356,10 @@ def read_fault_table(values: object, findings: Findings, base: Any = FileTable) 
 
 
 def fault_of(robot: "Robot", table: Any) -> Fault | None:
-    """Return the fault that a table of its model asks for on a robot; None for the state.
+    """Return the fault of a table for a robot; None for the state.
 
     Raises:
-        InputError: the robot does not have what it names, or its values do not go together.
+        InputError: the robot lacks what it names, or its values do not go together.
         UnreadError: a value of the table could not be read.
     """
     fault = REQUESTS[table.do]
@@ -406,7 +391,7 @@ def fault_of(robot: "Robot", table: Any) -> Fault | None:
 
 
 def request_of(robot: "Robot", fault: Fault) -> dict[str, Any]:
-    """Return the request that asks for a fault; `read_request` returns the fault for it."""
+    """Return the request for a fault; `read_request` converts it back."""
     usual = {each.name: each.default for each in fields(fault) if each.default is not MISSING}
     values: dict[str, Any] = {}
     for name, keys in fault.by_field().items():
@@ -416,12 +401,12 @@ def request_of(robot: "Robot", fault: Fault) -> dict[str, Any]:
                 values |= _written_values(robot, fault, key, part)
     keys_of_all = fault.keys()
     if any(key.kind is KeyKind.INPUT and values[name] is None for name, key in keys_of_all.items()):
-        return {"do": type(fault).__name__, **asdict(fault)}  # the robot's file does not know the sensor
+        return {"do": type(fault).__name__, **asdict(fault)}  # the robot's file does not have the sensor
     return {"do": fault.do} | {key: values[key] for key in keys_of_all if values.get(key) is not None}
 
 
 def _written_values(robot: "Robot", fault: Fault, key: Key, value: Any) -> dict[str, Any]:
-    """Return the values of a key, and of those that go with it, as a request has them."""
+    """Return a request's values of a key and of the keys that go with it."""
     if key.kind is KeyKind.WORD:
         return {key.name: next(word for word, each in key.choices.items() if each == value)}
     if value is None:
@@ -434,16 +419,16 @@ def _written_values(robot: "Robot", fault: Fault, key: Key, value: Any) -> dict[
     return {key.name: key.of_field(value) if write is None else write(robot, value, fault)}
 
 
-# --- the words of a command
+# --- words of a command
 
 
 def request_of_words(words: Sequence[str]) -> tuple[str, dict[str, object]]:
-    """Return the kind of request that the words of a command ask for, and its keys beside `do`.
+    """Return the kind of request in a command's words, and its keys besides `do`.
 
     A word such as `rate=0.1` is the value of this key; the other words are those of the remaining keys, in order.
 
     Raises:
-        InputError: there is no such request, values are missing, too many, unknown, or not of their kind.
+        InputError: the request is unknown, or values are missing, too many, unknown, or of another kind.
     """
     if not words:
         raise InputError(f"WHAT is missing: {', '.join(INJECTED)}")
@@ -461,7 +446,7 @@ def request_of_words(words: Sequence[str]) -> tuple[str, dict[str, object]]:
 
 
 def _by_key(do: str, words: Sequence[str]) -> dict[str, str]:
-    """Return the words by the keys whose values they are."""
+    """Return the words by key."""
     keys = keys_of(do)
     named: dict[str, str] = {}
     for word in words:
@@ -484,19 +469,19 @@ def _other_usage(do: str, words: Sequence[str]) -> InputError:
 
 
 def end_of(do: str, values: Mapping[str, object]) -> str | None:
-    """Return what ends the fault of a request, in words; None if it is over at once, or itself the end of one."""
+    """Return how the fault of a request ends, as text; None if it is over at once, or ends another one."""
     fault = REQUESTS[do]
     return None if fault is None else fault.ends_by(values)
 
 
-# --- the control port
+# --- control port
 
 names: Final = tuple(FAULTS)
-"""The values of `do`: this module is the feature's `ControlRequests`."""
+"""Values of `do`: this module is the feature's `ControlRequests`."""
 
 
 def answer(board: "LiveBoard", request: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Do what is requested; the machine's state tells the rest."""
+    """Execute a request; the machine's state has the result."""
     fault = read_request(board.robot, request)
     if fault is not None:
         board.operate(fault)
@@ -504,5 +489,5 @@ def answer(board: "LiveBoard", request: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def written(robot: "Robot", operation: "Operation") -> Mapping[str, Any] | None:
-    """Return the request that asks for a fault; None for another operation."""
+    """Return the request for a fault; None for another operation."""
     return request_of(robot, operation) if isinstance(operation, Fault) else None

@@ -1,4 +1,4 @@
-"""A scenario: the faults that happen in a run, as data, and how it is read from TOML (docs/faults.md).
+"""A scenario: the faults of a run, as data, and its TOML file (docs/faults.md).
 
 The same scenario on the same run gives the same bytes. Every error of reading begins with the place, as in
 `fault 2: at_s: is missing`.
@@ -18,12 +18,13 @@ from steptwin.features.faults.fault import Fault
 from steptwin.features.faults.kinds import FAULTS
 from steptwin.features.faults.kinds.host import HostFault
 from steptwin.features.faults.reaction import Motion, Reaction
-from steptwin.features.faults.requests import ReadAs, by_name, fault_of, model_of, read_fault_table, whole_number
+from steptwin.features.faults.requests import by_name, fault_of, model_of, read_as, read_fault_table, whole_number
 from steptwin.features.faults.triggers import AtTime, DriveState, Time, Trigger, TriggerKeys
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, SCENARIO_BYTES_MAX
-from steptwin.host.common.file_models import FileTable, Name, NotNegative, read_model
+from steptwin.host.common.file_models import FileTable, read_model
+from steptwin.host.common.file_values import Name, NotNegative
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import toml_table
@@ -33,14 +34,14 @@ from steptwin.protocol.cia402 import ErrorCode
 
 @dataclass(frozen=True, slots=True)
 class TriggeredFault:
-    """A fault and what starts and ends it.
+    """A fault with its trigger and its end.
 
     Attributes:
-        name: what reports call it; unique in its scenario.
-        trigger: what starts it.
-        fault: what goes wrong.
-        until: what ends it; a number is seconds from its start; None: it lasts until the run's end.
-        expected: the reaction that is right, where the documented one is not (`Fault.documented`).
+        name: its name in reports; unique in its scenario.
+        trigger: trigger of its beginning.
+        fault: the fault.
+        until: trigger of its end; a number is seconds from its beginning; None: it lasts until the run's end.
+        expected: expected reaction if it is not the documented one (`Fault.documented`).
     """
 
     name: str
@@ -52,7 +53,7 @@ class TriggeredFault:
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """Faults, and the seed of everything in them that is random.
+    """Faults, and the seed of all random values.
 
     Raises:
         ValueError: two faults have the same name.
@@ -69,7 +70,7 @@ class Scenario:
 
     @classmethod
     def from_power_up(cls, faults: Iterable[Fault]) -> "Scenario":
-        """Return the scenario of faults that begin at power-up; each is called by its number and what it does."""
+        """Return the scenario of faults that begin at power-up; their names are numbers and requests."""
         begin = AtTime(0.0, from_power_up=True)
         return cls(
             "faults", tuple(TriggeredFault(f"{number} {each.do}", begin, each) for number, each in enumerate(faults, 1))
@@ -77,13 +78,13 @@ class Scenario:
 
     @property
     def of_host(self) -> bool:
-        """True if a fault concerns the host, which a board in real time does not have."""
+        """True if a fault concerns the host; a board in real time has none."""
         return any(isinstance(each.fault, HostFault) for each in self.faults)
 
     def drawn(self) -> "Scenario":
-        """Return the scenario with a time in place of each random one: a fault's own, whatever other faults there are.
+        """Return the scenario with random times drawn, each independently of the other faults.
 
-        So a fault keeps its instant when others are taken out.
+        So a fault keeps its instant when others are removed.
         """
         return replace(self, faults=tuple(self._drawn(each) for each in self.faults))
 
@@ -113,7 +114,7 @@ class ExpectedKeys(FileTable):
     """An expected reaction other than the documented one."""
 
     motion: Annotated[Motion, by_name({each.name.lower().replace("_", "-"): each for each in Motion})]
-    codes: Annotated[tuple[ErrorCode, ...], ReadAs(_codes, {"type": "array", "items": {"type": "integer"}})] = ()
+    codes: Annotated[tuple[ErrorCode, ...], read_as(_codes, {"type": "array", "items": {"type": "integer"}})] = ()
     state: DriveState | None = None
     within_ms: NotNegative = 0.0
     certain: bool = True
@@ -175,7 +176,7 @@ class ScenarioFile(FileTable):
 
 
 def read_scenario(path: Path | str, robot: Robot) -> Scenario:
-    """Return the scenario in a file for a robot; raise InputError, with file and place, for what is wrong in it."""
+    """Read a scenario for a robot; raise InputError, with file and place, for errors."""
     findings = Findings()
     with prefixed(f"{path}: "):
         scenario = parse_scenario(read_text(path, SCENARIO_BYTES_MAX), robot, findings)
@@ -184,7 +185,7 @@ def read_scenario(path: Path | str, robot: Robot) -> Scenario:
 
 
 def parse_scenario(text: str, robot: Robot, findings: Findings) -> Scenario:
-    """Return the scenario of a TOML text, without the parts that are wrong: these are added to the findings.
+    """Return the scenario of a TOML text without its invalid parts; their errors are added to the findings.
 
     Raises InputError only for a text that is not TOML.
     """
@@ -192,7 +193,7 @@ def parse_scenario(text: str, robot: Robot, findings: Findings) -> Scenario:
 
 
 def scenario_of(values: Mapping[str, Any], robot: Robot, findings: Findings) -> Scenario:
-    """Return the scenario of a table with the keys `name`, `seed` and `fault`; wrong parts become findings."""
+    """Return the scenario of a table with the keys `name`, `seed` and `fault`; errors are added to the findings."""
     file, faults = read_model(ScenarioFile, values, findings), list[TriggeredFault]()
     with findings.collecting():
         if not file.fault:

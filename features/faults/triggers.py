@@ -1,10 +1,11 @@
 """What starts or ends a fault: a time, a position, a frame, a drive's state, or a time drawn by the seed.
 
 Times count from the motion's start, t = 0 of the plan: the first servo tick after the SYNC that sets an axis moving.
-Positions are those that the drivers have counted, looked at on servo ticks. A trigger is data; its watch waits for the
-instant when it is due, and looks no more often than it must.
+Positions are the drivers' counts on servo ticks. A trigger is data; its watch waits for the instant when it is due,
+and looks as seldom as possible.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from enum import StrEnum
@@ -17,7 +18,8 @@ from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.features.faults.requests import Identifier, by_name, whole_number
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_models import FileTable, Within
+from steptwin.host.common.file_models import FileTable
+from steptwin.host.common.file_values import Within
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.robot_boards import RobotBoards
 from steptwin.protocol.cia402 import State
@@ -27,47 +29,47 @@ if TYPE_CHECKING:
     from steptwin.features.faults.engine import Engine
 
 
-class Watch:
-    """Tells when a trigger is due."""
+class Watch(ABC):
+    """Watches for a trigger."""
 
     @property
     def next_counts(self) -> int | None:
-        """Instant when it must look even if nothing happens; None if there is none."""
+        """Instant of the next look even without events; None if there is none."""
         return None
 
+    @abstractmethod
     def is_due(self, now_counts: int) -> bool:
-        """Look; return whether the trigger is due."""
-        raise NotImplementedError
+        """Look; return True if the trigger is due."""
 
     def motion_starts(self, start_counts: int) -> None:
-        """Learn t = 0 of the motion."""
+        """Register t = 0 of the motion."""
 
     def hear(self, cob_id: int) -> None:
-        """Learn of a frame on the bus."""
+        """Register a frame on the bus."""
 
     def missing(self) -> str:
-        """Return why the trigger has not been due; empty if it has not come."""
+        """Return why the trigger has not been due; empty if that is unknown."""
         return ""
 
 
-class Trigger:
-    """What starts or ends a fault, as data."""
+class Trigger(ABC):
+    """A trigger that begins or ends a fault, as data."""
 
     __slots__ = ()
 
     def drawn(self, _random: Random) -> "Trigger":
-        """Return the same with what is random in it drawn."""
+        """Return the trigger with random values drawn."""
         return self
 
     def check(self, robot: Robot) -> None:
-        """Raise InputError if the robot does not have the joint."""
+        """Raise InputError if the robot lacks the joint."""
 
+    @abstractmethod
     def watch(self, engine: "Engine") -> Watch:
-        """Return what waits for it on the machine of an engine from now on."""
-        raise NotImplementedError
+        """Return a watch for it on the machine of an engine, from now on."""
 
 
-# --- a time
+# --- time
 
 TIME_MAX_S: Final = 86_400.0
 """Longest time in a scenario: a day."""
@@ -93,7 +95,7 @@ class AtTime(Trigger):
 
 @dataclass(frozen=True, slots=True)
 class AtRandom(Trigger, FileTable):
-    """An instant of the motion between two times in seconds from its start, drawn evenly by the scenario's seed.
+    """An instant of the motion between two times in seconds from its start, drawn uniformly by the scenario's seed.
 
     Raises:
         InputError: the second time is before the first.
@@ -107,7 +109,7 @@ class AtRandom(Trigger, FileTable):
             raise InputError(f"to_s: {self.to_s:g} s is before from_s, {self.from_s:g} s")
 
     def drawn(self, random: Random) -> AtTime:
-        """Return the instant that is drawn, to a microsecond."""
+        """Return the drawn instant, to a microsecond."""
         return AtTime(round(random.uniform(self.from_s, self.to_s), 6))
 
     def watch(self, _engine: "Engine") -> Watch:
@@ -118,7 +120,7 @@ class AtRandom(Trigger, FileTable):
 
 
 class TimeWatch(Watch):
-    """Due at an instant: one that is known, or a time from the motion's start."""
+    """Due at an instant: a known one, or a time from the motion's start."""
 
     def __init__(self, at_counts: int | None = None, from_start_s: float = 0.0) -> None:
         """Wait for an instant; None: `from_start_s` seconds after the motion's start."""
@@ -140,11 +142,11 @@ class TimeWatch(Watch):
         return "no motion began" if self._at_counts is None else ""
 
 
-# --- a position
+# --- position
 
 
 class Direction(StrEnum):
-    """A joint's direction where it passes a position."""
+    """A joint's direction when it passes a position."""
 
     UP = "up"
     DOWN = "down"
@@ -156,12 +158,12 @@ PassingDirection = Annotated[Direction, by_name({each.value: each for each in Di
 
 @dataclass(frozen=True, slots=True)
 class AtPosition(Trigger, FileTable):
-    """The first servo tick at whose start a joint is at or beyond a position, having been before it.
+    """The first servo tick that finds a joint at or beyond a position, after it was before it.
 
     Attributes:
         joint: name of the joint.
-        value: the position, in mm or degrees.
-        direction: the joint's direction where it passes it.
+        value: position in mm or degrees.
+        direction: the joint's direction when it passes.
     """
 
     joint: str
@@ -182,10 +184,10 @@ _PASSING = {Direction.UP: "rises to", Direction.DOWN: "falls to", Direction.ANY:
 
 
 class PositionWatch(Watch):
-    """Due at the first tick at whose start a joint is at or beyond a position.
+    """Due at the first tick that finds a joint at or beyond a position.
 
-    No driver counts pulses faster than its shortest period, and none moves the motor by more than a full step,
-    so a joint that is far away cannot be there soon.
+    A driver's shortest period limits its pulses, and each moves the motor by a full step at most. So a distant joint
+    cannot arrive soon, and looks are rare.
     """
 
     def __init__(self, trigger: AtPosition, target: RobotBoards) -> None:
@@ -197,7 +199,7 @@ class PositionWatch(Watch):
         travel = robot.from_steps(full_steps)[:, self._joint] - robot.from_steps(0 * full_steps)[:, self._joint]
         period_min_counts = min(board.config.period_min_counts for board, _ in target.axes)
         self._per_tick = float(np.abs(travel).sum()) * TICK_COUNTS / period_min_counts
-        """How far the joint moves in a tick at most."""
+        """Largest motion of the joint in a tick."""
         self._was = self._position()
         self._seen = [self._was, self._was]
         self._look_counts = 0
@@ -227,7 +229,7 @@ class PositionWatch(Watch):
         return f"{self._trigger.joint} was seen from {low:.3f} to {high:.3f}"
 
 
-# --- a frame, a state
+# --- frame, state
 
 
 @dataclass(frozen=True, slots=True)
@@ -305,11 +307,11 @@ def counts_of(seconds: float) -> int:
 
 
 def earliest(watches: Iterable[Watch]) -> int | None:
-    """Return the first instant when one of these must look; None if there is none."""
+    """Return the first instant when one of the watches must look; None if there is none."""
     return min((counts for watch in watches if (counts := watch.next_counts) is not None), default=None)
 
 
-# --- the keys of triggers
+# --- keys of triggers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -333,7 +335,7 @@ class TriggerKeys(FileTable):
     at_random: AtRandom | None = None
 
     def trigger(self, robot: Robot) -> Trigger:
-        """Return the one trigger; raise InputError for none or several, or one that the robot lacks the joint for."""
+        """Return the trigger; raise InputError for none or several, or if the robot lacks its joint."""
         given = {key: value for key in TRIGGERS if (value := getattr(self, key)) is not None}
         if len(given) != 1:
             raise InputError(f"a fault has exactly one of {', '.join(TRIGGERS)}, not {' and '.join(given) or 'none'}")
@@ -346,4 +348,4 @@ class TriggerKeys(FileTable):
 
 
 TRIGGERS: Final = tuple(each.name for each in fields(TriggerKeys))
-"""The keys, of which a fault has one."""
+"""Keys of triggers; a fault has one."""

@@ -1,8 +1,8 @@
-"""A user's firmware as a shared library, and the process in which it runs: `python library.py FILE` is one board's.
+"""A user's firmware as a shared library, and its process: `python library.py FILE` is one board's.
 
-This file is run by itself in that process, so it imports nothing but the standard library. Whatever the library prints
-goes to stderr. A request is a name with its arguments, by `marshal`. An answer is a header and two bodies of bytes: a
-firmware may write into that pipe, and what it writes must not be trusted.
+This file runs alone in that process, so it imports only the standard library. Output of the library goes to stderr. A
+request is a name with its arguments, by `marshal`. An answer is a header and two bodies of bytes. The firmware may also
+write into that pipe, so its bytes are not trusted.
 """
 
 import ctypes
@@ -28,35 +28,35 @@ FUNCTIONS: Final = (
     "st_take_frames",
     "st_flash",
 )
-"""The functions that a library must have (steptwin_firmware.h)."""
+"""Required functions of a library (steptwin_firmware.h)."""
 _ROOM: Final = 4096
-"""Edges and frames that are taken in one call."""
+"""Number of edges and frames fetched in one call."""
 _TAKEN_MAX: Final = 1 << 20
-"""Most of them that one answer has."""
+"""Largest number of them in one answer."""
 _FLASH_MAX: Final = 1 << 20
 _AXES_MAX: Final = 8
 
 Answer = tuple[int, int, bytes, bytes]
-"""Instant reached, next instant when a frame may leave, and the new edges and frames as C has them."""
+"""Instant reached, next instant when a frame may leave, and the new edges and frames in C's layout."""
 
 
 HEADER: Final = struct.Struct("<4sIQQII")
-"""Of an answer: `MARK`, its kind, two instants, and the sizes of its bodies."""
+"""Header of an answer: `MARK`, its kind, two instants, and the sizes of its bodies."""
 MARK: Final = b"STfw"
 WORK, DATA, COMPLAINT = range(3)
-"""Kinds of answers: an `Answer`, bytes, and a sentence about the library."""
+"""Kinds of answers: an `Answer`, bytes, and an error text about the library."""
 BODIES_MAX: Final = _TAKEN_MAX * (EDGE_BYTES + FRAME_BYTES)
 
 
 class UnusableLibraryError(Exception):
-    """The file is no library, or it does not keep to the interface; a sentence without the file's name."""
+    """The file is no library, or violates the interface; a sentence without the file's name."""
 
 
 class NativeLibrary:
-    """A library that is loaded; its firmware begins with `boot`."""
+    """A loaded library; its firmware starts with `boot`."""
 
     def __init__(self, path: str) -> None:
-        """Load a library; raise UnusableLibraryError if it has not the interface."""
+        """Load a library; raise UnusableLibraryError if it does not have the interface."""
         try:
             library = ctypes.CDLL(path)
         except OSError as error:
@@ -84,23 +84,23 @@ class NativeLibrary:
         self._reached = 0
 
     def boot(self, axes: int, node: int, flash: bytes, now: int) -> Answer:
-        """Power up, with what stands in the flash."""
+        """Power up with a flash content."""
         self._library.st_set_flash(flash, len(flash))
         self._library.st_boot(axes, node, now)
         return self._answer(now)
 
     def receive(self, frame: bytes, now: int) -> Answer:
-        """Take a frame, as C has it."""
+        """Receive a frame in C's layout."""
         self._library.st_receive(frame, now)
         return self._answer(now)
 
     def inputs(self, levels: bytes, now: int) -> Answer:
-        """Take the levels of all axes, as C has them."""
+        """Set the levels of all axes in C's layout."""
         self._library.st_inputs(levels, now)
         return self._answer(now)
 
     def run(self, until: int, resting: int) -> Answer:
-        """Let time pass; return at the end of the servo tick when an axis of the mask `resting` moves a pin."""
+        """Let time pass; return at the end of the servo tick in which an axis of the mask `resting` moves a pin."""
         if not resting:
             return self._answer(self._run(until))
         edges = b""
@@ -108,14 +108,14 @@ class NativeLibrary:
             end = min(until, (self._reached + 1) // TICK_COUNTS * TICK_COUNTS + TICK_COUNTS - 1)
             reached, due, new, frames = self._answer(self._run(end))
             edges += new
-            if reached > end:  # beyond what it was asked for, which the caller can tell by its own instant alone
+            if reached > end:  # later than requested; the caller sees it by its own instant
                 return min(until + reached - end, NEVER), due, edges, frames
             woken = any(resting >> new[at] & 1 and new[at + 2] < 2 for at in range(8, len(new), EDGE_BYTES))
             if woken or frames or reached != end or reached >= until:
                 return reached, due, edges, frames
 
     def flash(self) -> bytes:
-        """Return what stands in the flash."""
+        """Return the flash content."""
         room = ctypes.create_string_buffer(_FLASH_MAX)
         return room.raw[: min(self._library.st_flash(room, _FLASH_MAX), _FLASH_MAX)]
 
@@ -143,7 +143,7 @@ class NativeLibrary:
 
 
 def request(name: str, *arguments: Any) -> bytes:
-    """Return a request as it is sent."""
+    """Return a request's bytes."""
     body = marshal.dumps((name, *arguments))
     return len(body).to_bytes(4, "little") + body
 

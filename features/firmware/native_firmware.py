@@ -1,4 +1,4 @@
-"""A user's firmware as what an emulated board runs: it calls the library's functions and checks what they give."""
+"""A user's firmware as a board's program: call the library's functions and check their results."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,30 +21,30 @@ if TYPE_CHECKING:
     from steptwin.emulator.board.board import Board
 
 _AHEAD_COUNTS: Final = COUNTS_PER_MS // 40
-"""Time by which the firmware runs ahead at once until a pulse is long enough for its driver."""
+"""Time that the firmware runs ahead at once to complete a pulse for its driver."""
 PINS: Final = ("STEP", "DIR", *Pin)
-"""The pins in the order of `enum st_pin`."""
+"""Pins in the order of `enum st_pin`."""
 _STEP, _DIR = 0, 1
 _ID_MAX: Final = 0x7FF
 _DATA_MAX: Final = 8
 _WORK_MAX: Final = 1000
-"""Most calls and frames within a millisecond: in one the fastest bus carries 21 frames."""
+"""Largest number of calls and frames within a millisecond; the fastest bus carries 21 frames in one."""
 _WAITING_MAX: Final = 1000
-"""Most frames that wait for a mailbox; a further one is lost."""
+"""Largest number of frames that wait for a mailbox; further ones are lost."""
 _SLICE_COUNTS: Final = 100 * COUNTS_PER_MS
-"""Longest time for which the library is called at once, so that a hang is told from work."""
+"""Longest time of one call of the library, which limits the time to detect a hang."""
 _REST_COUNTS: Final = 20 * COUNTS_PER_MS
-"""Time without an edge after which an axis counts as resting: its next edge is then looked for tick by tick."""
+"""Time without an edge after which an axis counts as at rest; it is then searched for its next edge tick by tick."""
 
 
 class NativePulses:
-    """The edges that one axis has made and nobody has taken."""
+    """Edges of one axis that have not been fetched."""
 
     def __init__(self) -> None:
         self.running = False
         self.undrained_pulses: int = 0
         self.moved_counts = self.stepped_counts = 0
-        """Instants of its last edge, and of STEP's."""
+        """Instants of its last edge, and of its last edge of STEP."""
         self.levels: list[int] = [0] * len(PINS)
         self.clk: list[int] = []
         self.direction: list[int] = []
@@ -61,7 +61,7 @@ class NativePulses:
 
 
 class NativeMotion:
-    """The edges of all axes, and the instant up to which they are known."""
+    """Edges of all axes, and the instant up to which they are known."""
 
     def __init__(self, axis_count: int) -> None:
         self.axes: tuple[NativePulses, ...] = tuple(NativePulses() for _ in range(axis_count))
@@ -73,7 +73,7 @@ class NativeMotion:
 
     @property
     def tick(self) -> int:
-        """The first servo tick that is not known whole."""
+        """First servo tick that is not known completely."""
         return (self.reached_counts + 1) // TICK_COUNTS
 
     def take_edges(self) -> Sequence[PinEdges]:
@@ -81,14 +81,14 @@ class NativeMotion:
         return [axis.take_edges() for axis in self.axes]
 
     def note(self, number: int) -> None:
-        """Note that an axis has moved a pin."""
+        """Register an axis with a moved pin."""
         if number not in self.running_axes:
             self.running_axes.add(number)
             self.axes[number].running = True
             self.starts += 1
 
     def let_rest(self) -> None:
-        """Let axes rest that have not moved for a while."""
+        """Mark axes without recent edges as at rest."""
         for number in list(self.running_axes):
             axis = self.axes[number]
             if self.reached_counts - axis.moved_counts > _REST_COUNTS:
@@ -96,18 +96,18 @@ class NativeMotion:
                 axis.running = False
 
     def begins_pulse(self, pulse_counts: int) -> bool:
-        """Return True while an axis' STEP is high, and has not been so for this time."""
+        """Return True while an axis' STEP is high, for less than this time."""
         since_counts = self.reached_counts - pulse_counts
         return any(axis.levels[_STEP] and axis.stepped_counts > since_counts for axis in self.axes)
 
     @property
     def resting(self) -> int:
-        """The axes that rest, as bits."""
+        """Axes at rest, as bits."""
         return sum(1 << number for number in range(len(self.axes)) if number not in self.running_axes)
 
 
 class NativeFrames:
-    """The frames that wait for a mailbox, in order."""
+    """Frames that wait for a mailbox, in order."""
 
     def __init__(self) -> None:
         self.services: list[Frame] = []
@@ -122,7 +122,7 @@ class NativeFrames:
 
 
 class NativeFirmware:
-    """A user's firmware from one power-up to the next, in a process of its own."""
+    """A user's firmware between two power-ups, in a process of its own."""
 
     def __init__(self, path: Path, board: "Board", flash: bytes) -> None:
         """Prepare it for a board; its process begins with `boot`."""
@@ -133,17 +133,17 @@ class NativeFirmware:
         self.transmit: NativeFrames = NativeFrames()
         self._booting = False
         self._work = self._work_ms = 0
-        """Calls and frames within a millisecond, and which it is."""
+        """Calls and frames within a millisecond, and the number of that millisecond."""
         self.pins: list[PinChange] = []
         self.due_counts: int | None = None
 
     @property
     def next_due_counts(self) -> int | None:
-        """The next instant when a frame may leave."""
+        """Next instant when a frame may leave."""
         return self.due_counts
 
     def end(self) -> bytes:
-        """End the process, if it has begun; return what stands in the flash."""
+        """End the process, if it has started; return the flash content."""
         if self._process is not None and self._process.close.alive:
             self._flash = self._process.flash()
             self._process.close()
@@ -161,7 +161,7 @@ class NativeFirmware:
         self._lengthen_pulses()
 
     def receive(self, frame: Frame, now_counts: int) -> None:
-        """Take a frame from the bus."""
+        """Pass a frame from the bus to the firmware."""
         now_counts = max(now_counts, self.motion.reached_counts)
         packed = pack("<IB3x8s", frame.cob_id, len(frame.data), bytes(frame.data))
         self._call("receive", now_counts, packed, now_counts)
@@ -172,10 +172,10 @@ class NativeFirmware:
         return True
 
     def on_can_error(self, code: ErrorCode, now_counts: int, *, active: bool) -> None:
-        """Errors of the controller are not told."""
+        """Do nothing: the interface has no controller errors."""
 
     def on_bus_off(self, now_counts: int) -> None:
-        """Nor is bus-off."""
+        """Do nothing: the interface has no bus-off."""
 
     def set_inputs(self, inputs: Sequence[DigitalInput], now_counts: int) -> None:
         """Set the levels of all inputs."""
@@ -184,12 +184,12 @@ class NativeFirmware:
         self._lengthen_pulses()
 
     def measure(self, supply_10mv: int, temperature_decidegc: int, now_counts: int) -> None:
-        """Analogue inputs are not told."""
+        """Do nothing: the interface has no analogue inputs."""
 
     # --- time forward
 
     def advance(self, until_counts: int) -> int:
-        """Let time pass until then, or until frames wait or an axis begins to move; return the instant reached."""
+        """Let time pass up to an instant, or until frames wait or an axis starts; return the instant reached."""
         motion = self.motion
         if self._process is None:
             motion.reached_counts = max(motion.reached_counts, until_counts)
@@ -201,13 +201,13 @@ class NativeFirmware:
         return min(motion.reached_counts, until_counts)
 
     def _lengthen_pulses(self) -> None:
-        """Run ahead until each pulse has ended, or is long enough to count: a driver is told of no other."""
+        """Run ahead until each pulse has ended or is long enough to count; drivers get only such pulses."""
         pulse_counts = self._drivers.pulse_min_counts
         while self._process is not None and self.motion.begins_pulse(pulse_counts):
             self._run(self.motion.reached_counts + _AHEAD_COUNTS)
 
     def poll(self, now_counts: int) -> None:
-        """Do what is due."""
+        """Do due work."""
         if self._process is not None and self._is_due(now_counts):
             self._run(now_counts)
             self._lengthen_pulses()
@@ -218,7 +218,7 @@ class NativeFirmware:
         return self.due_counts is not None and self.due_counts <= now_counts
 
     def _run(self, until_counts: int) -> bool:
-        """Let time pass; return whether frames have come."""
+        """Let time pass; return whether there are frames."""
         before, waiting = self.motion.reached_counts, len(self.transmit.services)
         until_counts = max(until_counts, before)
         edges = self._call("run", until_counts, until_counts, self.motion.resting)
@@ -236,7 +236,7 @@ class NativeFirmware:
         return pins
 
     def _call(self, name: str, until_counts: int, *arguments: object) -> int:
-        """Call the library for all up to an instant; return the number of edges that it gave."""
+        """Call the library for all axes up to an instant; return the number of edges."""
         assert self._process
         reached, due, edges, frames = self._process.call(name, *arguments)
         before = self.motion.reached_counts
@@ -256,7 +256,7 @@ class NativeFirmware:
         return len(edges)
 
     def _count_work(self, function: str, reached: int, work: int) -> None:
-        """Count calls and frames in each millisecond of the board's time, so that no firmware can hold it up."""
+        """Count calls and frames in each millisecond of board time; too many raise an error."""
         now_ms = reached // COUNTS_PER_MS
         self._work = work + (self._work if now_ms == self._work_ms else 0)
         self._work_ms = now_ms
@@ -283,7 +283,7 @@ class NativeFirmware:
             axis.direction.append(2 * counts + level)
         else:
             axis.undrained_pulses += 1  # the driver may step at either edge
-            axis.stepped_counts = max(counts, axis.stepped_counts + 1)  # no instruction takes no time
+            axis.stepped_counts = max(counts, axis.stepped_counts + 1)  # no instruction takes zero time
             axis.clk.append(axis.stepped_counts)
 
     def _broken(self, function: str, what: str, counts: int) -> FirmwareError:
@@ -293,20 +293,20 @@ class NativeFirmware:
 
 
 class NativeProgram:
-    """A user's library as the program of a board, with the bytes that stand in its flash."""
+    """A user's library as the program of a board, with the content of its flash."""
 
     def __init__(self, path: Path) -> None:
-        """Take the file of a library."""
+        """Use the file of a library."""
         self.path = path
         self.flash: bytes = b""
         self._running: NativeFirmware | None = None
 
     def start(self, board: "Board") -> NativeFirmware:
-        """Return the firmware that begins; the one before it ends."""
+        """Return a new firmware; the one before it ends."""
         if self._running is not None:
             self.flash = self._running.end()
         self._running = NativeFirmware(self.path, board, self.flash)
         return self._running
 
     def connect(self, board: "Board") -> None:
-        """Need nothing of the board."""
+        """Do nothing: it needs nothing of the board."""

@@ -1,4 +1,4 @@
-"""The firmware of a user's own that boards of an emulated machine run."""
+"""Options of an emulated machine's firmware."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -22,20 +22,20 @@ _FIRMWARE: Final = Spelling(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FirmwareOptions:
-    """A library with a user's firmware, which each board runs instead of ours; None: ours."""
+    """A library with a user's firmware for each board; None: our firmware."""
 
     firmware: Path | str | None = field(default=None, metadata={SPELLING: _FIRMWARE})
 
     def placed(self, folder: Path) -> "FirmwareOptions":
-        """Return the same with a library whose relative path begins at a folder."""
+        """Return the options with the library's relative path resolved in a folder."""
         return self if self.firmware is None else FirmwareOptions(firmware=folder / self.firmware)
 
     def over(self, other: "FirmwareOptions") -> "FirmwareOptions":
-        """Return other options, with those of these that are no defaults in place of theirs."""
+        """Return `other`, with this object's library in place of its own if there is one."""
         return other if self.firmware is None else self
 
     def program(self) -> "Callable[[], BoardProgram] | None":
-        """Return what makes the program of a board; None for our own. Raises InputError if the library is no file."""
+        """Return a function that makes a board's program; None for our own. Raise InputError without the file."""
         if self.firmware is None:
             return None
         path = Path(self.firmware)

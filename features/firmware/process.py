@@ -1,7 +1,7 @@
-"""A user's own firmware, compiled for this computer, on an emulated board: the C interface and who calls it.
+"""Process of a user's firmware on an emulated board.
 
-The firmware of a board has a process of its own, which ends with all that it has begun: it may hang, crash or write
-junk, and that ends with a sentence.
+The firmware of a board has a process of its own, with all of its children. If it hangs, crashes or writes junk, it ends
+with an error.
 """
 
 import os
@@ -22,13 +22,13 @@ from steptwin.features.firmware import library
 HEADER: Final = "steptwin_firmware.h"
 _FILES: Final = (HEADER, "steptwin_hal.h", "steptwin_hal.c", "example.c")
 HANGS_S: Final = 5.0
-"""Wall time after which a call that has not returned is given up; each is for at most 0.1 s of the board's time."""
+"""Wall time after which a call that has not returned is aborted; each covers at most 0.1 s of board time."""
 _LOADS_S: Final = 60.0
-"""The same of the process' start, which takes long on a busy computer."""
+"""Longest wall time of the process' start on a busy computer."""
 _ENDS_S: Final = 2.0
-"""Wall time in which a process that has closed its pipes, or was killed, must end."""
+"""Wall time for a process to end after it has closed its pipes or was killed."""
 _LOOK_S: Final = 0.1
-"""Wall time after which an exchange that takes long is looked at."""
+"""Wall time after which a long exchange is checked."""
 _SENTENCE_BYTES: Final = 500
 
 
@@ -39,7 +39,7 @@ def interface_files() -> dict[str, str]:
 
 
 class FirmwareProcess:
-    """A process that has loaded a library. It ends with `close` or with this object, and its children with it."""
+    """A process with a loaded library. It ends with `close` or with this object, and so do its children."""
 
     def __init__(self, path: Path) -> None:
         """Load a library; raise FirmwareError if that is impossible."""
@@ -49,7 +49,7 @@ class FirmwareProcess:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             bufsize=0,
-            start_new_session=True,  # a group of its own: Ctrl-C is for the program, which ends the group itself
+            start_new_session=True,  # a group of its own: Ctrl-C is for this program, which ends the group itself
         )
         assert self._process.stdin
         assert self._process.stdout
@@ -68,11 +68,11 @@ class FirmwareProcess:
         return reached, due, edges, frames
 
     def flash(self) -> bytes:
-        """Return what stands in the flash; raise FirmwareError as `call`."""
+        """Return the flash content; raise FirmwareError as `call`."""
         return self._exchange("flash", library.request("flash"), HANGS_S)[2]
 
     def _exchange(self, name: str, request: bytes, within_s: float, kind: int = library.DATA) -> library.Answer:
-        """Send a request and return the answer to it, which must come within a time and be of this kind."""
+        """Send a request and return its answer, which must come in time and be of this kind."""
         deadline_s = time.monotonic() + within_s
         try:
             self._write(request, deadline_s)
@@ -122,7 +122,7 @@ class FirmwareProcess:
 
         Raises:
             TimeoutError: the time is over.
-            EOFError: the process has ended, though one that it has begun may hold the pipe open.
+            EOFError: the process has ended; a child of it may still hold the pipe open.
         """
         while time.monotonic() < deadline_s:
             if ready.poll(1000.0 * _LOOK_S):
@@ -132,7 +132,7 @@ class FirmwareProcess:
         raise TimeoutError
 
     def _fate(self) -> str:
-        """Return what has become of a process that has closed its end of a pipe."""
+        """Return why a process has closed its end of a pipe."""
         try:
             code = self._process.wait(_ENDS_S)
         except subprocess.TimeoutExpired:
@@ -141,7 +141,7 @@ class FirmwareProcess:
 
 
 class _JunkError(Exception):
-    """An answer is none of ours."""
+    """An answer does not have our format."""
 
 
 _C_NAMES: Final = {
@@ -163,12 +163,12 @@ def _signal_name(number: int) -> str:
 
 
 def _sentence(text: bytes) -> str:
-    """Return a complaint as one line, which a firmware may have forged."""
+    """Return an error text as one line; a firmware may have forged it."""
     return " ".join(text[:_SENTENCE_BYTES].decode(errors="replace").split())
 
 
 def _end(process: "subprocess.Popen[bytes]") -> None:
-    """Kill a process and its group, whether it has ended itself or not."""
+    """Kill a process and its group, even if it has already ended."""
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)
     for stream in (process.stdin, process.stdout):

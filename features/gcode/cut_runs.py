@@ -4,7 +4,7 @@ Without a stop, nearly straight lines are merged, and the corners between moves 
 """
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import dist
 from typing import Final, Self
@@ -12,30 +12,10 @@ from typing import Final, Self
 import numpy as np
 
 from steptwin.features.fastest.contour import Contour, rounding_coefficients
-from steptwin.features.gcode.blocks import GROUPS, GcodeBlock, read_blocks
-from steptwin.features.gcode.modal import CutMove, Dwell, GcodeAction, HomeMove, OutputWord, RapidMove, Spot, actions
+from steptwin.features.gcode.modal import ArcShape, CutMove
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.planning.no_way import NO_WAY
 
-__all__ = [
-    "GROUPS",
-    "SUFFIXES",
-    "CutMove",
-    "CutRun",
-    "Dwell",
-    "GcodeAction",
-    "GcodeBlock",
-    "HomeMove",
-    "OutputWord",
-    "Placing",
-    "RapidMove",
-    "Spot",
-    "actions",
-    "cut_runs",
-    "read_blocks",
-]
-SUFFIXES: Final = (".gcode", ".nc", ".ngc")
-"""Usual endings of the files' names."""
 KINK_MAX_DEG: Final = 0.1
 """Angle up to which a corner is none, so that the path flows on without a rounding."""
 
@@ -129,6 +109,9 @@ def _is_straight(
 # --- legs and corners
 
 
+_NO_ARC: Final = ArcShape(0.0, 0.0, 0.0)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Legs:
     """Moves as pieces in the file's coordinates, by the part from 0 to 1; arrays are as those of Contour."""
@@ -142,16 +125,18 @@ class _Legs:
     @classmethod
     def of(cls, moves: Sequence[CutMove]) -> "_Legs":
         start, goal = np.array([move.start for move in moves]), np.array([move.goal for move in moves])
-        arcs = np.array([astuple(move.arc) if move.arc else (0.0, 0.0, 0.0, 0.0) for move in moves])
+        shapes = [move.arc or _NO_ARC for move in moves]
+        arcs = np.array([(arc.x_mm, arc.y_mm, arc.sweep_rad, arc.growth) for arc in shapes])
         angles, growths = arcs[:, 2], arcs[:, 3]
         is_arc = (angles != 0.0)[:, np.newaxis]
-        spokes = np.where(is_arc, start[:, :2] - arcs[:, :2], 0.0)
+        rows, planes = np.arange(len(moves))[:, np.newaxis], np.array([arc.plane for arc in shapes])
+        spokes = np.where(is_arc, start[rows, planes] - arcs[:, :2], 0.0)
         coefficients, circles = np.zeros((len(moves), 6, 4)), np.zeros((len(moves), 2, 3))
         coefficients[:, 5], coefficients[:, 4] = start, goal - start
-        coefficients[:, 5, :2] -= spokes
-        coefficients[:, 4, :2] = np.where(is_arc, 0.0, coefficients[:, 4, :2])
-        circles[:, 0, :2] = spokes
-        circles[:, 1, 0], circles[:, 1, 1] = -spokes[:, 1], spokes[:, 0]
+        coefficients[rows, 5, planes] -= spokes
+        coefficients[rows, 4, planes] = np.where(is_arc, 0.0, coefficients[rows, 4, planes])
+        circles[rows, 0, planes] = spokes
+        circles[rows, 1, planes] = np.stack([-spokes[:, 1], spokes[:, 0]], axis=1)
         radii_mm = np.hypot(*spokes.T)
         round_mm = radii_mm * (1.0 + growths / 2.0) * np.abs(angles)
         lengths = np.sqrt(np.sum(coefficients[:, 4, :3] ** 2, axis=1) + round_mm**2 + (radii_mm * growths) ** 2)

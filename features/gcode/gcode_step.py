@@ -4,31 +4,46 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
 
 import numpy as np
+from pydantic import BeforeValidator
 
 from steptwin.features.fastest.chain import AVERAGE_S
 from steptwin.features.fastest.contour import Contour, ContourPath
 from steptwin.features.fastest.executed import TimedPath, UntimedError, timed
 from steptwin.features.fastest.pieces import FollowedPath
 from steptwin.features.fastest.worthwhile_stops import StoppingPath, doubtful, worthwhile
-from steptwin.features.gcode.blocks import GcodeBlock, read_blocks
+from steptwin.features.gcode.blocks import GcodeBlock, GcodeFile, read_blocks
 from steptwin.features.gcode.cut_runs import CutRun, Placing, cut_runs
-from steptwin.features.gcode.modal import CutMove, Dwell, GcodeAction, HomeMove, OutputWord, RapidMove, Spot, actions
+from steptwin.features.gcode.dialects import SUFFIXES, Dialect
+from steptwin.features.gcode.modal import (
+    CornerMode,
+    CutMove,
+    Dwell,
+    GcodeAction,
+    HomeMove,
+    OutputWord,
+    RapidMove,
+    actions,
+)
+from steptwin.features.gcode.origins import Spot
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.common.bad_input import prefixed, shortened, unknown
+from steptwin.host.common.bad_input import prefixed, shortened
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_errors import wrong
+from steptwin.host.common.file_models import FileReading
+from steptwin.host.common.file_values import NotNegative, Positive, Within
+from steptwin.host.common.findings import judged
 from steptwin.host.common.planning_time import check_planning_time, planning_step
-from steptwin.host.common.tables import Table
 from steptwin.host.planning import checks
 from steptwin.host.planning.motions.tool_move import present_branch
 from steptwin.host.planning.no_way import NO_WAY
 from steptwin.host.planning.programs.flow import check_none_gathered, switch_on_way
 from steptwin.host.planning.programs.moves import Moves
-from steptwin.host.planning.programs.paces import SPEED_PERCENT, JointPace, LawName, OnTheWay, ToolPace, check_blend
-from steptwin.host.planning.programs.pallets import STATION_FRAME, WorkFrame
-from steptwin.host.planning.programs.program_file import Usual
+from steptwin.host.planning.programs.paces import SPEED_PERCENT, JointPace, LawName, OnTheWay, ToolPace
+from steptwin.host.planning.programs.pallets import STATION_FRAME, AnyFrame, WorkFrame
+from steptwin.host.planning.programs.steps import Step, StepTable
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.poses import SCARA
 from steptwin.host.robots.robot import Robot
@@ -37,61 +52,48 @@ if TYPE_CHECKING:
     from steptwin.features.fastest.contour import Contour
     from steptwin.host.planning.programs.names import Names
 
-GCODE_KEYS: Final = ("frame", "tool_mm", "feed_max_mm_s", "blend_mm", "speed_percent", "outputs")
-"""Keys of the step beside `gcode`."""
-
+PASSES_MM: Final = 0.05
+"""Distance at which a path in a dialect passes its corners where neither file nor step says how."""
+_MERGE_MM: Final = 0.02
+"""Distance within which short lines of such a path are taken for one line."""
 _OUTPUT_KEY: Final = re.compile(r"M[3478]|P(0|[1-9][0-9]{0,2})")
 
 
 @dataclass(frozen=True, slots=True)
-class GcodeStep:
+class GcodeStep(Step):
     """Lead the tool as a file of G-code says.
 
     Attributes:
         file: the file's name, as the program has it.
-        blocks: its lines.
+        content: what is in it.
         frame: where its coordinates are.
         tool_mm: length of what the robot's tool holds, along the frame's z axis.
         feed_max_mm_s: highest feed; infinite without.
-        blend_mm: rounding of corners of which the file says nothing; 0 stops there.
+        blend_mm: rounding of corners of which the file says nothing; 0 stops there; None for the dialect's usual way.
         outputs: the robot's output for each word.
-        pace: pace of G0.
+        speed_percent: part of the joints' limits that G0 uses.
     """
 
+    moves: ClassVar[bool] = True
+
     file: str
-    blocks: tuple[GcodeBlock, ...] = field(repr=False)
+    content: GcodeFile = field(repr=False)
     frame: WorkFrame
     tool_mm: float
     feed_max_mm_s: float
-    blend_mm: float
+    blend_mm: float | None
     outputs: Mapping[str, str]
-    pace: JointPace
+    speed_percent: float
 
-    @classmethod
-    def read(cls, table: Table, usual: Usual) -> "GcodeStep":
-        """Return the step of a table.
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The key by which G0 becomes slower."""
+        return ("speed_percent",)
 
-        Raises InputError for a wrong key, or with file, line and word for the file.
-        """
-        name = table.text("gcode", empty=False)
-        frame = STATION_FRAME
-        if "frame" in table:
-            named = usual.frames.get(table.text("frame", empty=False))
-            if named is None:
-                raise unknown("frame:", table.text("frame"), usual.frames)
-            frame = named
-        blend_mm = table.number("blend_mm") if "blend_mm" in table else 0.0
-        check_blend(blend_mm)
-        feed_max_mm_s = table.number("feed_max_mm_s") if "feed_max_mm_s" in table else np.inf
-        if not feed_max_mm_s > 0:
-            raise InputError(f"feed_max_mm_s: {feed_max_mm_s:g} is not above 0")
-        percent = table.number("speed_percent") if "speed_percent" in table else SPEED_PERCENT
-        outputs = _outputs(table)
-        with prefixed(f"{name}: "):
-            blocks = read_blocks(usual.text_of(name))
-            _check_outputs(blocks, outputs)
-        tool_mm = table.number("tool_mm") if "tool_mm" in table else 0.0
-        return cls(name, blocks, frame, tool_mm, feed_max_mm_s, blend_mm, outputs, JointPace(LawName.FASTEST, percent))
+    @property
+    def pace(self) -> JointPace:
+        """The pace of G0."""
+        return JointPace(law=LawName.FASTEST, speed_percent=self.speed_percent)
 
     def __str__(self) -> str:
         return f"gcode {self.file}"
@@ -106,7 +108,7 @@ class GcodeStep:
             raise InputError(f"{names.robot.name} has no tool to lead")
         if kinematics.task is SCARA and not kinematics.attitude_follows:
             return
-        for block in self.blocks:
+        for block in self.content.blocks:
             for word in ("A", "C"):
                 if word in block.numbers:
                     raise InputError(
@@ -124,15 +126,54 @@ class GcodeStep:
         return None
 
 
-def _outputs(table: Table) -> dict[str, str]:
-    outputs = dict[str, str]()
-    if "outputs" in table:
-        with table.section("outputs") as own:
-            for key in own:
-                if not _OUTPUT_KEY.fullmatch(key):
-                    raise InputError(f"{shortened(key)!r} has no output: there are M3, M4, M7, M8, and P0, P1, ...")
-                outputs[key] = own.text(key, empty=False)
-    return outputs
+def _output_key(key: str) -> str:
+    if not _OUTPUT_KEY.fullmatch(key):
+        raise wrong(f"{shortened(key)!r} has no output: there are M3, M4, M7, M8, and P0, P1, ...")
+    return key
+
+
+def _words(given: object) -> object:
+    """Return the words of a list, or of one text with commas, as the command line has them."""
+    return [word.strip() for word in given.split(",")] if isinstance(given, str) else given
+
+
+@dataclass(frozen=True, slots=True)
+class GcodeTable(StepTable):
+    """Lead the tool as a file of G-code says.
+
+    Attributes:
+        gcode: the file.
+        dialect: controller for which it was written; without it, words that are the same for all are read.
+        ignore: further words to ignore, and macros.
+        frame: name of the frame where its coordinates are.
+        tool_mm: length of what the robot's tool holds, along the frame's z axis.
+        feed_max_mm_s: highest feed.
+        blend_mm: rounding of corners of which the file says nothing; 0 stops there, the default without a dialect.
+        speed_percent: part of the joints' limits that G0 uses.
+        outputs: the robot's output for each word, such as `{ M3 = "glue" }`.
+    """
+
+    suffixes: ClassVar[tuple[str, ...]] = SUFFIXES
+    gcode: str
+    dialect: Dialect | None = None
+    ignore: Annotated[tuple[str, ...], BeforeValidator(_words)] = ()
+    frame: AnyFrame = STATION_FRAME
+    tool_mm: float = 0.0
+    feed_max_mm_s: Positive = np.inf
+    blend_mm: NotNegative | None = None
+    speed_percent: Annotated[float, Within(0.0, 100.0, open=True)] = SPEED_PERCENT
+    outputs: Mapping[Annotated[str, BeforeValidator(_output_key)], str] = field(default_factory=dict)
+
+    @classmethod
+    def made_of(cls, values: dict[str, Any], reading: FileReading) -> GcodeStep:
+        """Return the step; raise InputError, with file, line and word, for what is wrong in the file."""
+        table: GcodeTable = judged(cls, values, reading.findings)
+        with prefixed(f"{table.gcode}: "):
+            content = read_blocks(reading.known.text_of(table.gcode), table.dialect, table.ignore, table.outputs)
+            _check_outputs(content.blocks, table.outputs)
+        blend_mm = 0.0 if table.blend_mm is None and table.dialect is None else table.blend_mm
+        own = (table.tool_mm, table.feed_max_mm_s, blend_mm, table.outputs, table.speed_percent)
+        return GcodeStep(table.gcode, content, table.frame, *own)
 
 
 def _check_outputs(blocks: tuple[GcodeBlock, ...], outputs: Mapping[str, str]) -> None:
@@ -172,7 +213,9 @@ class _Cutting:
     def make(self) -> None:
         moves, placing = self._moves, self._placing
         home = self._kinematics.forward(np.array(self._robot.home)[np.newaxis])[0].tolist()
-        for action in actions(self._step.blocks, self._place, placing.spot(home)):
+        content, step = self._step.content, self._step
+        corner = CornerMode(passes_mm=PASSES_MM, merge_mm=_MERGE_MM) if step.blend_mm is None else CornerMode()
+        for action in actions(content.blocks, self._place, placing.spot(home), content.manners, corner):
             check_planning_time()
             if isinstance(action, CutMove) and self._waits(action):
                 continue
@@ -187,8 +230,9 @@ class _Cutting:
         self._cut()
         moves.leg_times, moves.switched = [], ()
         moves.notes = (
-            f"{len(self._step.blocks)} lines: {_many(self._paths, 'path')} of the tool without a stop,"
+            f"{len(content.blocks)} lines: {_many(self._paths, 'path')} of the tool without a stop,"
             f" {_many(self._corners, 'corner')} rounded, {_many(self._stops, 'stop')} at corners",
+            *content.remarks(),
         )
 
     def _waits(self, move: CutMove) -> bool:
@@ -216,13 +260,13 @@ class _Cutting:
             case CutMove():  # a turn on the spot
                 for key, on in action.changes:
                     moves.composer.switch(outputs[key], on=on)
-                moves.line(self._placing.pose(action.goal), ToolPace(action.feed_mm_s, law=LawName.FASTEST))
+                moves.line(self._placing.pose(action.goal), ToolPace(speed_mm_s=action.feed_mm_s, law=LawName.FASTEST))
 
     def _cut(self) -> None:
         """Make the moves that wait, without a stop but where corners need it."""
         if not self._waiting:
             return
-        for run in cut_runs(self._waiting, self._placing, self._step.blend_mm):
+        for run in cut_runs(self._waiting, self._placing, self._step.blend_mm or 0.0):
             self._take(run)
         self._waiting.clear()
 

@@ -71,15 +71,15 @@ def _part(
 
 
 def _judge() -> FeatureJudge:
-    from steptwin.features.motors import judge
+    from steptwin.features.motors import evidence
 
-    return judge
+    return evidence
 
 
 def _live() -> LiveWords:
-    from steptwin.features.motors import live
+    from steptwin.features.motors import report
 
-    return live
+    return report
 
 
 def _drive_model() -> DriveModel:

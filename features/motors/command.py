@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
 
 
-def tell_fits(answer: AnswerOptions, robot: "Robot", current_a: float | None) -> None:
+def report_fits(answer: AnswerOptions, robot: "Robot", current_a: float | None) -> None:
     """Print the torque margins of a robot's motors, and of the catalogue's, at the limits of its joints."""
     from steptwin.features.motors.sizing.fitting import fits_of
     from steptwin.features.motors.turning import check_described
@@ -103,15 +103,15 @@ def print_ramps(fits: "tuple[JointFit, ...]") -> None:
         [
             fit.name,
             f"{fit.unit}/s2",
-            *_asked_and_managed(fit.moving, fit.name),
-            *(("-", "-") if fit.homing is None else _asked_and_managed(fit.homing, fit.name)),
+            *_accelerations_text(fit.moving, fit.name),
+            *(("-", "-") if fit.homing is None else _accelerations_text(fit.homing, fit.name)),
         ]
         for fit in fits
     ]
     print_table(heads, rows, text_columns=2)
 
 
-def _asked_and_managed(ramp: "JointRamp", name: str) -> tuple[str, str]:
+def _accelerations_text(ramp: "JointRamp", name: str) -> tuple[str, str]:
     """Return the set and the highest possible acceleration as text; name the limiting joint if it is another one."""
     weakest = "" if ramp.weakest == name else f"{ramp.weakest}: "
     return f"{ramp.asked:g}", f"{weakest}{ramp.managed:.0f}"
@@ -153,7 +153,7 @@ class CycleOptions:
     )
 
 
-def tell_cycles(answer: AnswerOptions, robot: "Robot", asked: CycleOptions, out: Path | None) -> None:
+def report_cycles(answer: AnswerOptions, robot: "Robot", asked: CycleOptions, out: Path | None) -> None:
     """Print the duration of a program for each torque reserve of the motors, and draw it."""
     from steptwin.features.motors.sizing.fitting import cycle_times, with_motors_of
     from steptwin.host.planning.programs import compile_program, read_program
@@ -216,20 +216,20 @@ def motors(
         robot = load.on(which.robot(subject))
         if cycle.program is not None:
             keep_cycles(out, replace=replace)
-            tell_cycles(which, robot, cycle, out)
+            report_cycles(which, robot, cycle, out)
             return
         if cycle.instead:
             raise InputError(f"--instead {cycle.instead[0]}: goes with --program")
         for option, given in (("--margin", margin), ("--out", out is not None)):
             if given:
                 raise InputError(f"{option}: is for the folder of a run, not for a robot")
-        tell_fits(which, robot, load.current)
+        report_fits(which, robot, load.current)
         return
     if cycle.program is not None or cycle.instead:
         raise InputError("--program: is for a robot, not for the folder of a run")
     if out is not None:
         keep_pictures(out, replace=replace)
-    _tell_run(which, Path(subject), load, out, margin=margin)
+    _report_run(which, Path(subject), load, out, margin=margin)
 
 
 def _is_robot(subject: str) -> bool:
@@ -243,7 +243,7 @@ def _is_robot(subject: str) -> bool:
     return False
 
 
-def _tell_run(answer: AnswerOptions, folder: Path, load: LoadOptions, out: Path | None, *, margin: bool) -> None:
+def _report_run(answer: AnswerOptions, folder: Path, load: LoadOptions, out: Path | None, *, margin: bool) -> None:
     from steptwin.host.record.folder import read_run
 
     run = read_run(folder)

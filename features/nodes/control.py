@@ -1,4 +1,4 @@
-"""Answer the requests of the control port that concern further nodes: their values, emergencies and supply."""
+"""Answer control port requests for further nodes: their values, emergencies and supply."""
 
 import re
 from collections.abc import Mapping
@@ -25,21 +25,21 @@ _KEYS: Final[Mapping[str, tuple[str, ...]]] = {
     _EMERGENCY: ("code", "register", "data"),
     _POWER: ("on",),
 }
-"""The keys of each request beside `do` and `node`."""
+"""Keys of each request besides `do` and `node`."""
 names: Final = tuple(_KEYS)
 _PLACE: Final = re.compile(r"(?:0x)?([0-9a-f]{4})(?::(?:0x)?([0-9a-f]{1,2}))?", re.IGNORECASE)
 _GENERIC_ERROR: Final = 1
 
 
 def read_place(text: str) -> int:
-    """Return the address of an object such as 0x6000:01, or 0x1000 for sub-index 0; InputError for another form."""
+    """Return the address of an object such as 0x6000:01, or 0x1000 for sub-index 0; raise InputError otherwise."""
     if not (found := _PLACE.fullmatch(text)):
         raise InputError(f"{text!r} is not an object such as 0x6000:01")
     return od.address_of(int(found[1], 16), int(found[2] or "0", 16))
 
 
 def answer(board: "LiveBoard", request: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Do what a request asks of a node, and return the value that it named.
+    """Execute a request for a node, and return the value of its object.
 
     Raises:
         InputError: there is no such node or object, or the request has other keys or values.
@@ -67,7 +67,7 @@ def answer(board: "LiveBoard", request: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def written(_robot: "Robot", _operation: "Operation") -> None:
-    """Return no request: nothing is done to nodes but by requests."""
+    """Return None: operations do not concern further nodes."""
 
 
 def _emergency(node: SimpleNode, table: Table) -> dict[str, Any]:
@@ -81,7 +81,7 @@ def _emergency(node: SimpleNode, table: Table) -> dict[str, Any]:
 
 
 def _value(node: SimpleNode, table: Table) -> dict[str, Any]:
-    """Give the value that a request may have, and return that of its object."""
+    """Set an object of a node if the request has a value, and return the object's value."""
     with prefixed("object: "):
         address = read_place(table.text("object"))
         entries = node.description.entries
@@ -115,7 +115,7 @@ def _bytes(text: str) -> bytes:
 
 
 def _in_json(value: NodeValue) -> float | str | None:
-    """Return a value as JSON has it: bytes as hexadecimal digits, null for what is no number."""
+    """Return a value for JSON: bytes as hexadecimal digits, null for NaN and infinities."""
     if isinstance(value, bytes):
         return value.hex(" ")
     if isinstance(value, float) and not isfinite(value):

@@ -1,7 +1,7 @@
 """Read the text of an EDS or DCF (CiA 306): its sections, and the numbers in them.
 
-An EDS is what Windows programs write: keys and sections in capital or small letters, one value a line, also behind
-spaces, and comments behind a semicolon.
+Windows programs write EDS files: keys and sections in capital or small letters, one value a line, sometimes after
+spaces, and comments after a semicolon.
 """
 
 import re
@@ -13,7 +13,7 @@ from steptwin.host.common.bad_input import printable, shortened
 from steptwin.host.common.errors import InputError
 
 DIGITS_MAX: Final = 40
-"""Characters of a number: those of 64 bits have up to 22 in octal."""
+"""Longest number in characters; 64 bits have up to 22 in octal."""
 
 _SECTION: Final = re.compile(r"\[\s*([^\[\]]+?)\s*\]")
 _COMMENT: Final = re.compile(r"(?:^|\s);.*")
@@ -27,25 +27,25 @@ class EdsSection:
     """A section of the file.
 
     Attributes:
-        name: as the file has it.
-        values: its values by their keys in small letters.
+        name: name in the file.
+        values: values by keys in small letters.
     """
 
     name: str
     values: Mapping[str, str]
 
     def text(self, key: str) -> str:
-        """Return a value; an empty text if there is none."""
+        """Return a value, or an empty text."""
         return self.values.get(key.lower(), "")
 
     def required(self, key: str) -> str:
-        """Return a value; raise InputError if there is none."""
+        """Return a value; raise InputError if it is missing."""
         if value := self.text(key):
             return value
         raise InputError(f"[{self.name}] has no {key}")
 
     def number(self, key: str, node_id: int = 0) -> int | None:
-        """Return a whole number; None if there is none. Raises InputError for a text that is none."""
+        """Return a whole number; None if it is missing. Raises InputError for another text."""
         value = self.text(key)
         if not value:
             return None
@@ -55,12 +55,12 @@ class EdsSection:
             raise self.refused(key, str(error)) from error
 
     def refused(self, key: str, why: str) -> InputError:
-        """Return the error for a value."""
+        """Return the error about a value."""
         return InputError(f"[{self.name}] {key}={shortened(printable(self.text(key)))}: {why}")
 
 
 def whole_number(text: str, node_id: int) -> int:
-    """Return the sum of numbers and node ids that a text spells, such as `$NODEID+0x180`.
+    """Return the sum of numbers and node ids in a text such as `$NODEID+0x180`.
 
     Raises:
         ValueError: the text is something else.
@@ -89,8 +89,8 @@ def _number(digits: str) -> int:
 def read_sections(text: str) -> dict[str, EdsSection]:
     """Return the sections of a file by their names in small letters.
 
-    Raises InputError, with the line, for one that belongs to no section, is neither a section nor a value, or repeats
-    one before.
+    Raises InputError, with the line, for a line without a section, a line that is neither a section nor a value, and a
+    repeated one.
     """
     sections: dict[str, EdsSection] = {}
     values: dict[str, str] | None = None

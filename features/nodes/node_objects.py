@@ -1,4 +1,4 @@
-"""A simple node's object dictionary: its entries as data, from whatever file, and their values with the checks."""
+"""A simple node's object dictionary: entries as data, and their checked values."""
 
 import struct
 from collections.abc import Callable, Iterable, Mapping
@@ -20,12 +20,12 @@ PDO_BITS_MAX: Final = 64
 
 
 class ValueForm(Enum):
-    """What an entry's bytes mean; the member's value says what a value is in Python."""
+    """Meaning of an entry's bytes; the member's value is the type in Python."""
 
     WHOLE = "whole number"
     REAL = "number"
     TEXT = "text"
-    """A visible string is ASCII, and some devices have more: ISO 8859-1, or UTF-8 for what that has not."""
+    """ASCII for a visible string; some devices write ISO 8859-1, or UTF-8 for further characters."""
     WIDE_TEXT = "text in Unicode"
     BYTES = "bytes"
 
@@ -34,7 +34,7 @@ NodeValue = int | float | str | bytes
 _REALS: Final = {32: "<f", 64: "<d"}
 _WIDE: Final = "utf-16-le"
 BYTES_MAX: Final = 4096
-"""Longest text and longest bytes that an entry takes."""
+"""Longest text and longest bytes of an entry."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,14 +42,14 @@ class NodeEntry:
     """One entry of a simple node's dictionary.
 
     Attributes:
-        name: as the description has it.
-        form: what its bytes mean.
-        bits: width of its value; 0 for a text and bytes, whose length is not fixed.
+        name: name in the description.
+        form: meaning of its bytes.
+        bits: width of its value; 0 for text and bytes of any length.
         signed: True for a number with a sign.
         access: access by SDO.
-        default: value after power-up, as its bytes mean it.
-        low: least whole number that may be written; None: that of the type.
-        high: greatest one.
+        default: value after power-up, in its form.
+        low: lowest whole number that may be written; None: that of the type.
+        high: highest one.
         mappable: True if PDOs may carry it.
     """
 
@@ -65,12 +65,12 @@ class NodeEntry:
 
     @property
     def size(self) -> int:
-        """Bytes of a value in an SDO; 0 if its length is not fixed."""
+        """Bytes of a value in an SDO; 0 for any length."""
         return -(-self.bits // 8)
 
     @property
     def range(self) -> tuple[int, int]:
-        """The whole numbers that its type has."""
+        """Whole numbers of its type."""
         least = -(1 << self.bits - 1) if self.signed else 0
         return least, least + (1 << self.bits) - 1
 
@@ -78,7 +78,7 @@ class NodeEntry:
         """Return a value's bytes.
 
         Raises:
-            ValueError: the value is of another kind, or its type does not have it.
+            ValueError: the type does not have this value.
         """
         match self.form, value:
             case ValueForm.WHOLE, int() if not isinstance(value, bool) or self.bits == 1:
@@ -107,7 +107,7 @@ class NodeEntry:
             raise ValueError(f"{text!r} has characters that the type does not have") from None
 
     def to_value(self, data: bytes) -> NodeValue:
-        """Return what bytes of the right length mean."""
+        """Return the value of bytes of the right length."""
         match self.form:
             case ValueForm.WHOLE:
                 return int.from_bytes(data, "little", signed=self.signed)
@@ -123,7 +123,7 @@ class NodeEntry:
 
 
 def _text_of(data: bytes) -> str:
-    """Return what a device's bytes spell: UTF-8 if they are, else ISO 8859-1."""
+    """Return the text of a device's bytes: UTF-8 if valid, else ISO 8859-1."""
     try:
         return data.decode()
     except UnicodeDecodeError:
@@ -140,21 +140,21 @@ class NodeDescription:
 
 
 class NodeCell:
-    """The place of one numeric entry: its value as a PDO carries it, of a real number the bits."""
+    """One numeric entry as PDOs access it; real numbers are stored as their bits."""
 
     plain = False
-    """Every value that a PDO brings is checked, and its change noted."""
+    """False: each value from a PDO is checked, and its change reported."""
 
     def __init__(self, address: int, entry: NodeEntry, changed: Callable[[int], None]) -> None:
         self.value: int = 0
         self._address, self._entry, self._changed = address, entry, changed
 
     def get(self) -> int:
-        """Return the present value."""
+        """Return the value."""
         return self.value
 
     def put(self, value: int) -> None:
-        """Store a value; raise SdoAbortError if it is outside the description's limits."""
+        """Store a value; raise SdoAbortError if it is outside the limits."""
         low, high = self._entry.low, self._entry.high
         if high is not None and value > high:
             raise SdoAbortError(AbortCode.VALUE_TOO_HIGH)
@@ -170,10 +170,10 @@ def _ignore(_address: int) -> None:
 
 
 class NodeObjects:
-    """A simple node's dictionary: its SDO server, its PDOs and the machine around it read and write it.
+    """A simple node's dictionary, for its SDO server, its PDOs and the machine around it.
 
-    The node sets `changed`, called with the address of each value that has changed, and `check`, called with address
-    and value before a number is stored that came by SDO, to refuse it by SdoAbortError.
+    The node sets two functions. `changed` is called with the address of each changed value. `check` is called with
+    address and value before a number from an SDO is stored; it may raise SdoAbortError.
     """
 
     def __init__(self, description: NodeDescription) -> None:
@@ -192,7 +192,7 @@ class NodeObjects:
         self.changed(address)
 
     def reset(self, first_index: int = 0x1000, last_index: int = 0xFFFF) -> None:
-        """Give every entry of these indexes its value after power-up; nothing is told of it."""
+        """Reset the entries of these indexes to their values after power-up, without reports of changes."""
         for address, entry in self.entries.items():
             if first_index <= address >> 8 <= last_index:
                 data = entry.to_bytes(entry.default)
@@ -205,15 +205,15 @@ class NodeObjects:
     def _number(entry: NodeEntry, data: bytes) -> int:
         return int.from_bytes(data, "little", signed=entry.signed)
 
-    # --- as the PDOs see it
+    # --- access by PDOs
 
     def get(self, address: int) -> int:
-        """Return a number; 0 if there is none at this address."""
+        """Return a number; 0 if the address has none."""
         cell = self._cells.get(address)
         return 0 if cell is None else cell.value
 
     def cell(self, address: int) -> NodeCell:
-        """Return the place of a number; KeyError if there is none."""
+        """Return the cell of a number; raise KeyError if the address has none."""
         return self._cells[address]
 
     def is_signed(self, address: int) -> bool:
@@ -221,13 +221,13 @@ class NodeObjects:
         return self.entries[address].signed
 
     def pdos(self, communications: range) -> Iterable[tuple[int, int]]:
-        """Yield the indexes of the parameters of each PDO of one direction: communication and mapping."""
+        """Yield the parameters of each PDO in one direction: indexes of communication and mapping."""
         for index in communications:
             if index << 8 | 1 in self._cells and index + _MAPS_FROM << 8 in self._cells:
                 yield index, index + _MAPS_FROM
 
     def why_not_mapped(self, word: int, *, received: bool) -> AbortCode | None:
-        """Return why a PDO cannot carry what a word of a mapping names; None if it can."""
+        """Return why a PDO cannot carry the object of a mapping's word; None if it can."""
         address, bits = word >> 8, word & 0xFF
         if received and DUMMY_BITS.get(address >> 8) == bits and not address & 0xFF:
             return None
@@ -239,7 +239,7 @@ class NodeObjects:
             return AbortCode.CANNOT_BE_MAPPED
         return None
 
-    # --- by SDO
+    # --- access by SDO
 
     def read(self, address: int) -> bytes:
         """Return an entry's bytes.
@@ -266,13 +266,13 @@ class NodeObjects:
             self._store_bytes(address, data)
             return
         number = self._number(entry, data)
-        if number > entry.range[1]:  # a truth value has one bit of its byte
+        if number > entry.range[1]:  # a boolean has one bit of its byte
             raise SdoAbortError(AbortCode.VALUE_TOO_HIGH)
         self.check(address, number)
         self._cells[address].put(number)
 
     def size_to_write(self, address: int) -> int:
-        """Return the number of bytes that a write must have, or may have if the length is not fixed.
+        """Return the number of bytes that a write must have; for an entry of any length, the largest number.
 
         Raises:
             SdoAbortError: the entry does not exist or is read-only.
@@ -299,18 +299,18 @@ class NodeObjects:
             self._bytes[address] = data
             self.changed(address)
 
-    # --- by the machine around the node
+    # --- access by the machine around the node
 
     def value(self, address: int) -> NodeValue:
-        """Return an entry's value, whatever the access by SDO; KeyError if there is no entry."""
+        """Return an entry's value, whatever its SDO access; raise KeyError if there is no entry."""
         return self.entries[address].to_value(self._data(address))
 
     def set_value(self, address: int, value: NodeValue) -> None:
-        """Give an entry a value, whatever the access by SDO and the limits for it.
+        """Set an entry's value, whatever its SDO access and limits.
 
         Raises:
             KeyError: there is no entry.
-            ValueError: the type does not have the value.
+            ValueError: the type does not have this value.
         """
         entry = self.entries[address]
         data = entry.to_bytes(value)

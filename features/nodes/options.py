@@ -1,4 +1,4 @@
-"""The further nodes on the bus of an emulated machine."""
+"""Options of an emulated machine's further nodes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -39,14 +39,14 @@ _NODES: Final = Spelling(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NodeOptions:
-    """Files of devices (EDS), each for a further node on the bus, by its id; None: no node."""
+    """EDS file of each further node on the bus, by its id; None: no node."""
 
     nodes: Mapping[int, Path | str] | None = field(default=None, metadata={SPELLING: _NODES})
 
     def placed(self, folder: Path) -> "NodeOptions":
-        """Return the same with files whose relative paths begin at a folder."""
+        """Return the options with relative paths resolved in a folder."""
         return NodeOptions(nodes={node_id: folder / path for node_id, path in (self.nodes or {}).items()})
 
     def over(self, other: "NodeOptions") -> "NodeOptions":
-        """Return other options, with those of these that are no defaults in place of theirs."""
+        """Return `other`, with this object's nodes in place of its own if there are any."""
         return other if self.nodes is None else self

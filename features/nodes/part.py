@@ -21,22 +21,22 @@ class NodesPart(MachinePart):
         self._simulation: Simulation | None = None
 
     def join(self, simulation: Simulation) -> None:
-        """Put the nodes on the bus, each a participant of its own."""
+        """Attach the nodes to the bus; each is a participant of its own."""
         self._simulation = simulation
         for node in self.nodes.values():
             simulation.bus.attach(node.can)
             simulation.join(node)
 
     def switched_on(self, _machine: EmulatedMachine) -> None:
-        """Let the nodes boot."""
+        """Boot the nodes."""
         for node in self.nodes.values():
             node.boot(0)
 
     def switch(self, node_id: int, *, on: bool) -> None:
-        """Take the supply from a node, or give it back; a frame that it was sending breaks off.
+        """Switch the supply of a node off or on; a frame in transmission breaks off.
 
         Raises:
-            KeyError: there is no node of this id.
+            KeyError: no node has this id.
         """
         node, simulation = self.nodes[node_id], self._simulation
         assert simulation is not None, "the machine is not switched on"

@@ -1,8 +1,8 @@
-"""Be a simple CANopen node: boot-up, NMT, heartbeat, SDO server, PDOs and EMCY by its object dictionary (CiA 301).
+"""A simple CANopen node: boot-up, NMT, heartbeat, SDO server, PDOs and EMCY by its object dictionary (CiA 301).
 
-It does what its description lets it do, and nothing with its values: an output is a value that a master has written, an
+It implements its description, but no application behind the values: an output is a value that a master has written, an
 input one that the machine around the node has set. It has no time-outs, stores nothing and does not listen to
-heartbeats. Its frames queue without order of its own making: the CAN controller sends them by identifier.
+heartbeats. The CAN controller sends its waiting frames by identifier.
 """
 
 from typing import Final
@@ -41,7 +41,7 @@ from steptwin.protocol.sdo_server import SdoServer
 from steptwin.protocol.timer import COUNTS_PER_US
 
 WAITING_MAX: Final = 256
-"""Frames of the node that wait for the bus at most: those of two SDO blocks."""
+"""Largest number of waiting frames: those of two SDO blocks."""
 _LAST_SYNCHRONOUS: Final = 240
 _HISTORY: Final = 0x1003
 _GENERIC_ERROR: Final = 0x01
@@ -61,11 +61,11 @@ class SimpleNode:
         self._accepted: frozenset[int] = frozenset()
         self.can: CanController = self._new_controller()
         self.powered: bool = True
-        """False while the node is without supply; `Simulation.switch_node` changes it."""
+        """False while the node has no supply; `Simulation.switch_node` changes it."""
         self.refused: int = 0
-        """Number of values in RPDOs that the description's limits refused."""
+        """Number of values in RPDOs outside the description's limits."""
         self.dropped: int = 0
-        """Number of frames that were not sent because too many waited for the bus."""
+        """Number of frames that were not sent because too many were waiting."""
         self._objects = objects = NodeObjects(description)
         self._history = [place for place in range(_HISTORY << 8 | 1, _HISTORY << 8 | 0xFF) if place in objects.entries]
         """Addresses of the entries of the error history."""
@@ -75,19 +75,19 @@ class SimpleNode:
         self._receive_pdos: list[ReceivePdo] = []
         self._transmit_pdos: list[TransmitPdo] = []
         self._pdo_errors: dict[int, ErrorCode] = {}
-        """What is wrong with the length of the last frame of an RPDO, by its number from 1 on."""
+        """Length error of the last frame of each RPDO, by its number from 1 on."""
         self._rebuild_due = self._heartbeat_due = False
         self._outside: list[Frame] = []
-        """Emergencies that the machine around the node has let happen since the last poll."""
+        """Emergencies from the machine around the node since the last poll."""
         self._now_us = 0
         self.next_due_counts: int | None = None
-        """Instant when `poll` has work; None if only a frame or a change from outside brings any."""
+        """Instant when `poll` has work; None if only a frame or an outside change triggers it."""
         objects.changed, objects.check = self._changed, self._check
 
     def _new_controller(self) -> CanController:
         return CanController(self._receive, passes=lambda cob_id: cob_id in self._accepted)
 
-    # --- from outside
+    # --- access from outside
 
     @property
     def values(self) -> dict[int, NodeValue]:
@@ -95,26 +95,26 @@ class SimpleNode:
         return {address: self._objects.value(address) for address in self.description.entries}
 
     def value(self, address: int) -> NodeValue:
-        """Return an entry's value; KeyError if there is no entry."""
+        """Return an entry's value; raise KeyError if there is no entry."""
         return self._objects.value(address)
 
     def set_value(self, address: int, value: NodeValue) -> None:
-        """Give an entry a value, as the machine around the node does; TPDOs that carry it may be due then.
+        """Set an entry's value, as the machine around the node does; this may trigger TPDOs.
 
         Raises:
             KeyError: there is no entry.
-            ValueError: its type does not have the value.
+            ValueError: the type does not have this value.
         """
         self._objects.set_value(address, value)
         self.next_due_counts = 0
 
     def emergency(self, code: int, register: int = _GENERIC_ERROR, data: bytes = b"") -> None:
-        """Send an EMCY as soon as the bus lets it, unless the node is stopped; 0 says that the error is over.
+        """Send an EMCY as soon as the bus is free, unless the node is stopped; code 0 ends the error.
 
         Args:
-            code: the error code; the newest stands first in the history (1003h), if the node has one.
+            code: error code; the newest is first in the history (1003h), if the node has one.
             register: new value of the error register (1001h); with code 0 it is usually 0.
-            data: up to 5 bytes of the manufacturer's own.
+            data: up to 5 manufacturer-specific bytes.
 
         Raises:
             ValueError: a value is out of its range.
@@ -136,7 +136,7 @@ class SimpleNode:
         self.next_due_counts = 0
 
     def _remember(self, code: int) -> None:
-        """Put an error code first in the history, if the node has one."""
+        """Insert an error code at the start of the history, if the node has one."""
         if od.ERROR_HISTORY_COUNT not in self._objects.entries:
             return
         places = self._history
@@ -154,7 +154,7 @@ class SimpleNode:
         self._reset(now_counts)
 
     def power_down(self) -> None:
-        """Lose the supply, and with it all values; `can` is then another controller, which is not on the bus."""
+        """Lose the supply and all values; `can` is replaced by a controller that is not on the bus."""
         self.powered = False
         self.nmt_state = NmtState.INITIALISING
         self.next_due_counts = None
@@ -162,7 +162,7 @@ class SimpleNode:
         self.can.power_down()
 
     def power_up(self) -> None:
-        """Have the supply again; the caller attaches the controller to the bus, and calls `boot`."""
+        """Get the supply back; the caller attaches the controller to the bus, and calls `boot`."""
         self.powered = True
         self.can.power_up()
 
@@ -177,7 +177,7 @@ class SimpleNode:
         self._end_call(now_counts)
 
     def _enter(self, state: NmtState) -> None:
-        """Change to a state; process data begin anew, and those by events are sent once as OPERATIONAL begins."""
+        """Change the NMT state; process data restart, and event-driven ones are sent once on entering OPERATIONAL."""
         self.nmt_state = state
         self._rebuild()
         if state is NmtState.OPERATIONAL:
@@ -200,7 +200,7 @@ class SimpleNode:
     def _count_refused(self, _word: int) -> None:
         self.refused += 1
 
-    # --- what values mean to the node
+    # --- the node's reaction to values
 
     def _changed(self, address: int) -> None:
         index = address >> 8
@@ -216,7 +216,7 @@ class SimpleNode:
                 pdo.trigger()
 
     def _check(self, address: int, value: int) -> None:
-        """Refuse what would make process data contradict themselves (CiA 301, sections 7.5.2.36 to 7.5.2.38)."""
+        """Reject values that would make process data inconsistent (CiA 301, sections 7.5.2.36 to 7.5.2.38)."""
         index, subindex = address >> 8, address & 0xFF
         if address == od.ERROR_HISTORY_COUNT and value:
             raise SdoAbortError(AbortCode.VALUE_RANGE)
@@ -248,7 +248,7 @@ class SimpleNode:
         if sum(word & 0xFF for word in words) > PDO_BITS_MAX:
             raise SdoAbortError(AbortCode.PDO_TOO_LONG)
 
-    # --- frames in
+    # --- received frames
 
     def _receive(self, frame: Frame, now_counts: int) -> None:
         self._now_us = now_counts // COUNTS_PER_US
@@ -277,7 +277,7 @@ class SimpleNode:
             self._enter(target)
 
     def _take(self, number: int, error: ErrorCode) -> None:
-        """Tell of an RPDO whose length is wrong, and when a good one has come after it, each once."""
+        """Report an RPDO with a wrong length, and the next good one, once each."""
         if error is self._pdo_errors.get(number, ErrorCode.NONE):
             return
         if error:
@@ -287,7 +287,7 @@ class SimpleNode:
         self.emergency(error, _COMMUNICATION_ERROR if self._pdo_errors else 0, bytes((number,)) if error else b"")
 
     def _on_sync(self, data: bytes, now_counts: int) -> None:
-        """Apply the RPDOs that wait for SYNC, then send the TPDOs that it asks for; one of wrong length is ignored."""
+        """Apply the RPDOs that wait for SYNC, then send the TPDOs of this SYNC; ignore a SYNC of wrong length."""
         counted = self._objects.get(od.SYNC_COUNTER_OVERFLOW) != 0
         if len(data) != counted:
             return
@@ -297,10 +297,10 @@ class SimpleNode:
             if frame:
                 self._send(frame, now_counts)
 
-    # --- frames out
+    # --- sent frames
 
     def step(self, now_counts: int) -> None:
-        """Do what is due: emergencies from outside, heartbeat, TPDOs by events."""
+        """Do due work: emergencies from outside, heartbeat, event-driven TPDOs."""
         if self.next_due_counts is None or self.next_due_counts > now_counts:
             return
         if not self.powered:
@@ -317,7 +317,7 @@ class SimpleNode:
         self._end_call(now_counts)
 
     def _end_call(self, now_counts: int) -> None:
-        """Let changed parameters take effect, send what outside has asked for, note when there is work again."""
+        """Apply changed parameters, send what the outside has requested, and schedule the next poll."""
         if self._rebuild_due:
             self._rebuild()
         if self._heartbeat_due:

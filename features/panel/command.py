@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class PageOptions:
-    """The options that say where the page is, and what it works with beside the board."""
+    """Options for the page's address and the service's connections."""
 
     host: str = option("ADDRESS", "Address of this machine for the page.", default="127.0.0.1")
     port: int | None = option("PORT", "Port of the page; by default 8090, or a free one; 0 is free.")
@@ -66,7 +66,7 @@ def _serve(
     from steptwin.features.panel.service.service import MachineService
     from steptwin.host.client.control_client import ControlClient
 
-    with open_port(address) as listener:  # bad input is reported before the machine is spoken to
+    with open_port(address) as listener:  # bad input is reported before any message to the machine
         if address.allow_remote:
             warn("other machines can move this one; its page asks them for the token in the address")
         service = MachineService(found, robot, control=control, force=force)

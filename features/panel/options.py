@@ -25,20 +25,20 @@ from steptwin.host.common.extras import installing
 from steptwin.host.common.listening import LOOPBACK, listen
 
 _END_S: Final = 5.0
-"""Time that the process has to end by itself when the server ends before it."""
+"""Time for the process to end when the server ends first."""
 _TOGETHER_S: Final = 1.0
-"""Time within which the panel and its server both end by a Ctrl-C."""
+"""Time within which the panel and its server both end after Ctrl-C."""
 
 
 def require_extra() -> None:
-    """Raise InputError, with the remedy, unless the extra `panel` is installed."""
+    """Raise InputError, with the remedy, if the extra `panel` is not installed."""
     if find_spec("nicegui") is None:
         raise InputError(f"the panel is not installed: {installing('panel', make='panel')}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PanelOptions(ServedProgram):
-    """The options that open a panel for the served board."""
+    """Options that open a panel for the served board."""
 
     panel: bool = switch("Show the machine in a browser, too; with a control port for its hardware.")
     panel_port: int | None = option(
@@ -47,7 +47,7 @@ class PanelOptions(ServedProgram):
 
     @property
     def wanted(self) -> bool:
-        """True if there is to be one; raises InputError or BusError if there cannot be."""
+        """True if a panel is wanted; raises InputError or BusError if it is impossible."""
         wanted = self.panel or self.panel_port is not None
         if wanted:
             require_extra()
@@ -64,10 +64,10 @@ class PanelOptions(ServedProgram):
 
     @contextmanager
     def running(self, *, to_stderr: bool) -> Iterator[Callable[[ServedPlace], None]]:
-        """Run the process while the block runs; yield what opens the panel of a board.
+        """Run the process during the block; yield a function that opens the panel of a board.
 
-        The panel prints its address to stderr, or to this process' stdout. What it makes the machine do stops before
-        its end. If it ends before the block does, this is said: its page cannot say it.
+        The panel prints its address to stderr, or to this process' stdout. It stops its own motions before it ends. If
+        it ends before the block does, a line says so, since its page cannot.
         """
         process = subprocess.Popen(
             [sys.executable, "-m", "steptwin.features.panel.served"],
@@ -90,7 +90,7 @@ class PanelOptions(ServedProgram):
         def open_panel(place: ServedPlace) -> None:
             assert process.stdin
             opened_by[:] = self.command(place)
-            with suppress(BrokenPipeError):  # the process has failed, and said so
+            with suppress(BrokenPipeError):  # the process has failed and has printed why
                 process.stdin.write(json.dumps(opened_by) + "\n")
                 process.stdin.flush()
 

@@ -1,7 +1,7 @@
-"""The process of `serve --panel`: it imports what a panel needs, then runs the command that it is told.
+"""The process of `serve --panel`: it imports the panel's modules, then runs the command from its standard input.
 
-The words of the command come as one line of JSON by standard input. That input ends when the server does, however it
-has ended; then the panel ends too.
+The command's words come as one line of JSON. The input ends when the server does, however it has ended; then the panel
+ends too.
 """
 
 import json
@@ -15,12 +15,12 @@ _READ_BYTES: Final = 4096
 
 
 def main() -> int:
-    """Wait for the words of a panel and run it; return its exit code, 0 if no words come."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # until the panel sees to it, Ctrl-C ends this process without a word
+    """Wait for the words of a command and run it; return its exit code, 0 if no words come."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # until the panel handles it, Ctrl-C ends this process silently
     from steptwin.features.panel.page import hub, server
     from steptwin.host.cli.app import main as run
 
-    del hub, server  # imported now, while the server gets its board ready
+    del hub, server  # imported now, while the server prepares its board
     line = sys.stdin.readline()
     if not line:
         return 0

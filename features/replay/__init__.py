@@ -1,4 +1,4 @@
-"""Replay a recorded bus: play the hosts' frames into emulated boards and compare what the boards do."""
+"""Replay a recorded bus: send the hosts' frames to emulated boards and compare the boards' reactions."""
 
 from typing import Final
 

@@ -1,11 +1,17 @@
-"""`steptwin replay LOG ROBOT`: play a recorded bus into the board again, and compare what it does."""
+"""`steptwin replay LOG ROBOT`: replay a recorded bus and compare the boards' reactions."""
 
 from dataclasses import MISSING, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from steptwin.host.cli.app import command, end_unless
-from steptwin.host.cli.arguments import RobotName, RobotOptions, check_standing, naming_machine_options, run_folder
+from steptwin.host.cli.arguments import (
+    RobotName,
+    RobotOptions,
+    check_start_positions,
+    naming_machine_options,
+    run_folder,
+)
 from steptwin.host.cli.options import Without, argument, naming_options, option, switch
 from steptwin.host.cli.output import number_of, say
 from steptwin.host.twin.machine.machine_options import MachineOptions
@@ -18,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ReplayOptions:
-    """The options that say what is replayed of a recording, against what, and where the replay goes."""
+    """Options of a replay: what to play, what to compare with, and where to write."""
 
     against: Path | None = option("DIR", "Folder of the run that was recorded: where it began, and its edges.")
     out: str | None = option("DIR", "Folder to write the replay in, like a run's.")
@@ -48,7 +54,7 @@ def replay(
     loaded = _robot(which, robot, folder)
     stored = None if folder is None else _stored(folder, loaded)
     stood = MachineAtPowerUp() if stored is None else stored.power_up
-    check_standing(loaded, machine)
+    check_start_positions(loaded, machine)
     options = machine.over(stood.options)
     with naming_machine_options():
         options.bits_per_s(loaded)
@@ -61,14 +67,14 @@ def replay(
     if to is not None:
         with naming_options("out"):
             result.run.save(to)
-    which.tell(result.to_dict(), lambda: say_result(result))
+    which.tell(result.to_dict(), lambda: print_result(result))
     if to is not None:
         which.add_files("the replay's report, edges and bus log are", to)
     end_unless(result.equal)
 
 
 def _recording(log: Path, against: Path | None) -> tuple[Path, Path | None]:
-    """Return the file of the recording and the folder of its run: that of --against, or the one that holds the log."""
+    """Return the file of the recording and the folder of its run: that of --against, or the one with the log."""
     from steptwin.host.record.folder import BUS_LOG, ROBOT
 
     if log.is_dir():
@@ -78,7 +84,7 @@ def _recording(log: Path, against: Path | None) -> tuple[Path, Path | None]:
 
 
 def _robot(which: RobotOptions, name: str | None, folder: Path | None) -> "Robot":
-    """Return the robot that is named, else that of the run's folder."""
+    """Return the named robot; without a name, the robot of the run's folder."""
     from steptwin.host.record.folder import read_robot
 
     if folder is not None and name is None and which.robot_file is None:
@@ -92,8 +98,8 @@ def _stored(folder: Path, robot: "Robot") -> "StoredMachine":
     return stored_machine(folder, robot)
 
 
-def say_result(result: "Replayed") -> None:
-    """Print what a replay has found, in some lines."""
+def print_result(result: "Replayed") -> None:
+    """Print the result of a replay."""
     bus = result.bus
     clock = "on the board's clock" if bus.on_board_clock else "by a computer's clock"
     say(f"{bus.path}: {len(bus.frames)} frames {clock}, {result.played} of them played to {result.robot.name}")

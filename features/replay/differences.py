@@ -1,9 +1,9 @@
 """Compare the frames of a recorded bus, and the edges of its run, with those of the replay.
 
 On the board's clock every frame must be the same at the same microsecond. By a computer's clock the board's frames come
-a little earlier or later among the hosts': what must be the same then is what each node says to its hosts: its answers
-to requests, errors, boot-ups, states of its drive, and where it comes to rest. Positions and other measured values on
-the way depend on the instant; the edges judge them.
+a little earlier or later among the hosts'. Then each node must send the same messages to its hosts: answers to
+requests, errors, boot-ups, drive states, and the position where it comes to rest. Positions and other measured values
+during a motion depend on the instant; the edges judge them.
 """
 
 from collections import defaultdict
@@ -35,14 +35,14 @@ from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND, COUNTS_PER
 
 
 class Difference(NamedTuple):
-    """Where a replay first leaves its recording.
+    """First difference between a replay and its recording.
 
     Attributes:
-        counts: instant in the recording or, where that has nothing, in the replay: since power-up, by a computer's
-            clock since the first frame. None for a step by a computer's clock, which tells its own instants.
-        where: the frames or the signal that differ, in words.
-        recorded: what the recording has there.
-        replayed: what the replay has there.
+        counts: instant in the recording, or in the replay if the recording has nothing there. It counts from power-up,
+            or from the first frame by a computer's clock; None for a step by a computer's clock.
+        where: frames or signal that differ, as text.
+        recorded: content of the recording there.
+        replayed: content of the replay there.
     """
 
     counts: int | None
@@ -64,26 +64,26 @@ NOTHING = "nothing"
 
 
 def instant(counts: int) -> str:
-    """Return an instant in words, to the microsecond."""
+    """Return an instant as text, to the microsecond."""
     return f"{counts / COUNTS_PER_SECOND:.6f} s"
 
 
 _STATUS: Final = COB_TPDO[0]
-"""The PDO that begins with the statusword and is sent with each of its changes."""
+"""Status PDO: it begins with the statusword and is sent at each change."""
 _CODE_BYTES: Final = 3
 """Error code and error register of an EMCY; the detail after them may be a time."""
 _AT_REST: Final = 2
-"""Equal status PDOs at the end of a recording by which an axis rests: they come every 100 ms."""
+"""Number of equal status PDOs at the end of a recording that show an axis at standstill; they come every 100 ms."""
 _SETTLING_COUNTS: Final = 100 * COUNTS_PER_MS
-"""Time before the end of a recording that what is said may have missed."""
+"""Duration before the end of a recording whose messages it may lack."""
 _PASSING_COUNTS: Final = 20 * COUNTS_PER_MS
-"""Time within which a state that is left again counts as passed."""
+"""Duration below which a state counts as passed, not reached."""
 
 
 def first_difference_on_the_board_clock(
     recorded: Sequence[RecordedFrame], replayed: Sequence[tuple[int, Frame]], decoder: Decoder
 ) -> Difference | None:
-    """Return the first frame that differs, by content, order or instant; None if all are the same."""
+    """Return the first frame that differs in content, order or instant; None if all are the same."""
     for old, new in zip_longest(recorded, replayed):
         old_counts = None if old is None else old.us * COUNTS_PER_US
         new_counts = None if new is None else new[0] - new[0] % COUNTS_PER_US
@@ -101,13 +101,13 @@ def _text(frame: Frame, counts: int | None, first_counts: int, decoder: Decoder)
 
 
 def words_of(frame: Frame, decoder: Decoder) -> str:
-    """Return a frame in words: service, node and content."""
+    """Return a frame as text: service, node and content."""
     decoded: Decoded = decoder.decode(frame.cob_id, frame.data)
     return " ".join(word for word in (decoded.title, decoded.node, decoded.text) if word and word != "-")
 
 
-class _Said(NamedTuple):
-    """Something that a node says: its instant, what it is compared by, and the frame that says it."""
+class _NodeMessage(NamedTuple):
+    """A node's message: its instant, the content to compare, and its frame."""
 
     counts: int
     key: bytes | str
@@ -120,17 +120,17 @@ def first_difference_by_wall_clock(
     node_ids: Collection[int],
     decoder: Decoder,
 ) -> Difference | None:
-    """Return the first thing that a node says otherwise, in the order of the nodes; None if all say the same.
+    """Return the first message that differs, in the order of the nodes; None if all are the same.
 
-    The replay may go on for longer than the recording: what it says at the very end, or after it, is its own.
+    The replay may last longer than the recording: messages at its very end, or later, are not compared.
 
     Args:
         recorded: the board's frames from the first frame of a host on, with instants since the recording's first frame.
         replayed: the board's frames of the replay, with instants since it began to play.
         node_ids: the board's nodes.
-        decoder: puts frames into words.
+        decoder: returns frames as text.
     """
-    old, new = _said(recorded), _said(replayed)
+    old, new = _messages_by_id(recorded), _messages_by_id(replayed)
     settled_counts = recorded[-1][0] - _SETTLING_COUNTS if recorded else 0
     for service, what in SERVICES.items():
         for node_id in sorted(node_ids):
@@ -142,9 +142,9 @@ def first_difference_by_wall_clock(
     return _other_end(recorded, replayed, node_ids, decoder)
 
 
-def _said(frames: Iterable[tuple[int, Frame]]) -> dict[int, list[_Said]]:
-    """Return what each node says, by identifier."""
-    said: dict[int, list[_Said]] = defaultdict(list)
+def _messages_by_id(frames: Iterable[tuple[int, Frame]]) -> dict[int, list[_NodeMessage]]:
+    """Return each node's messages by identifier."""
+    said: dict[int, list[_NodeMessage]] = defaultdict(list)
     for counts, frame in frames:
         key_of = KEYS.get(frame.cob_id & ~NODE_ID_MAX)
         key = key_of(frame.data) if key_of else None
@@ -152,16 +152,16 @@ def _said(frames: Iterable[tuple[int, Frame]]) -> dict[int, list[_Said]]:
             continue
         before = said[frame.cob_id]
         if key_of is state_name:
-            _add_state(before, _Said(counts, key, frame))
+            _add_state(before, _NodeMessage(counts, key, frame))
         else:
-            before.append(_Said(counts, key, frame))
+            before.append(_NodeMessage(counts, key, frame))
     return said
 
 
-def _add_state(states: list[_Said], state: _Said) -> None:
-    """Add a state that a drive has reached, in place of one that it has only passed.
+def _add_state(states: list[_NodeMessage], state: _NodeMessage) -> None:
+    """Add a state that a drive has reached; it replaces a state that the drive has only passed.
 
-    The status PDO has an inhibit time: whether it shows a state that is soon left is a matter of some milliseconds.
+    The status PDO has an inhibit time: milliseconds decide whether it shows a short state.
     """
     if states and states[-1].key == state.key:
         return
@@ -171,7 +171,9 @@ def _add_state(states: list[_Said], state: _Said) -> None:
         states.append(state)
 
 
-def _first(old: Sequence[_Said], new: Sequence[_Said], settled_counts: int) -> tuple[_Said | None, _Said | None] | None:
+def _first(
+    old: Sequence[_NodeMessage], new: Sequence[_NodeMessage], settled_counts: int
+) -> tuple[_NodeMessage | None, _NodeMessage | None] | None:
     for was, now in zip_longest(old, new):
         if was is None:
             return (None, now) if now.counts < settled_counts else None
@@ -186,7 +188,7 @@ def _other_end(
     node_ids: Collection[int],
     decoder: Decoder,
 ) -> Difference | None:
-    """Return the first node that does not come to rest at the same place, if the recording shows it at rest."""
+    """Return the first node that stops elsewhere, if the recording shows it at standstill."""
     for node_id in sorted(node_ids):
         old = [each for each in recorded if each[1].cob_id == _STATUS + node_id][-_AT_REST:]
         if len(old) < _AT_REST or old[0][1] != old[1][1]:
@@ -200,7 +202,7 @@ def _other_end(
 
 
 def _answer(data: bytes) -> bytes:
-    """Return an SDO response without the value of a measured object."""
+    """Return an SDO response without values of measured objects."""
     told = expedited_value(data, UPLOAD)
     if told is not None:
         entry = ENTRIES.get(told.address)
@@ -230,18 +232,18 @@ KEYS: Final[dict[int, Callable[[bytes], bytes | str | None]]] = {
     COB_HEARTBEAT: _boot_up,
     _STATUS: state_name,
 }
-"""What of a frame is compared, by its service; None: nothing of this one."""
+"""Function for each service that returns the content to compare; None: frame not compared."""
 SERVICES: Final = {
     COB_HEARTBEAT: "boot-ups",
     COB_SDO_RESPONSE: "answers",
     _STATUS: "states of the drive",
     COB_EMCY: "errors",
 }
-"""The services that are compared, in this order, and what the nodes say by them."""
+"""Compared services in order, with the name of their messages."""
 
 
 class _EdgeSignal(NamedTuple):
-    """Edges of one signal: in words, the key of their instants, and those of their values."""
+    """Edges of one signal: name, key of their instants, and keys of their values."""
 
     words: str
     counts: str
@@ -258,11 +260,11 @@ _SIGNALS: Final = (
 )
 
 _NONE: Final = np.empty(0)
-"""An array that only some axes have, for the others."""
+"""Replaces an array that only some axes have."""
 
 
 def first_difference_of_edges(recorded: Evidence, replayed: Evidence) -> Difference | None:
-    """Return the first edge of any pin, count or current of a driver that differs; None if all are the same."""
+    """Return the first difference in an edge of a pin, a count or a current of a driver; None if there is none."""
     found = [
         difference
         for old, new in zip(recorded.axes, replayed.axes, strict=True)
@@ -299,9 +301,9 @@ def _words(row: tuple[float, ...] | None) -> str:
 
 
 def first_difference_of_steps(recorded: Evidence, replayed: Evidence) -> Difference | None:
-    """Return the first step of an axis that the drivers did not make in the same direction; None if there is none.
+    """Return the first step of an axis with another direction or without a counterpart; None if there is none.
 
-    Instants are not compared: by a computer's clock the hosts' frames are not where they were within a servo tick.
+    Instants are not compared: by a computer's clock, the hosts' frames are not exact within a servo tick.
     """
     for old, new in zip(recorded.axes, replayed.axes, strict=True):
         for number, (was, now) in enumerate(zip_longest(_signs(old), _signs(new)), start=1):
@@ -323,7 +325,7 @@ def _step(sign: int | None, counts: Int64Array, number: int) -> str:
 
 
 def greatest_shift_us(recorded: Evidence, replayed: Evidence) -> float:
-    """Return by how much an instant of equal steps differs at most, both counted from the last motion's start."""
+    """Return the largest difference between instants of equal steps, counted from the last motion's start."""
     shifts_counts = [
         np.abs((new.step_counts - replayed.start_counts) - (old.step_counts - recorded.start_counts))[
             old.step_counts >= recorded.start_counts

@@ -1,4 +1,4 @@
-"""How a machine stood when its boards were switched on: what a replay must know beside the frames on the bus."""
+"""State of a machine when its boards were switched on: what a replay needs besides the frames on the bus."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND, COUNTS_PER_US
 
 
 class Operated(NamedTuple):
-    """An operation on the machine, and its instant in counts since power-up; an axis is numbered among all boards'."""
+    """An operation on the machine at an instant in counts since power-up; axes are numbered over all boards."""
 
     counts: int
     operation: MachineFault
@@ -33,15 +33,15 @@ class Operated(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class MachineAtPowerUp:
-    """A machine at power-up, and what was done to it beside the bus.
+    """A machine at power-up, and the later operations on it that are not on the bus.
 
     Attributes:
-        options: how it differs from the robot's file.
-        commissioned: True for boards whose flash holds the robot's settings, False for new ones.
+        options: differences from the robot's file.
+        commissioned: True for boards with the robot's settings in flash, False for new ones.
         waits_for: inputs for which the motion has waited; None: unknown.
-        operations: what was done to the machine, in order of time.
-        bus_faults: the faults of the bus that were let loose, in words; they are not repeated.
-        until_counts: instant when the recording ends; None if nothing tells it.
+        operations: operations on the machine, in order of time.
+        bus_faults: faults of the bus that have struck, as text; they are not repeated.
+        until_counts: instant when the recording ends; None if unknown.
     """
 
     options: MachineOptions = AS_FILED
@@ -53,7 +53,7 @@ class MachineAtPowerUp:
 
 
 class StoredMachine(NamedTuple):
-    """What the folder of a run tells of its machine: how it stood at power-up, and what its drivers did then."""
+    """Machine of a stored run: its state at power-up, and its drivers' edges."""
 
     folder: Path
     power_up: MachineAtPowerUp
@@ -61,10 +61,10 @@ class StoredMachine(NamedTuple):
 
 
 def stored_machine(folder: Path, robot: Robot) -> StoredMachine:
-    """Read the folder of a run of this robot, or of a live board's recording, also one that has no end.
+    """Read the folder of a run of this robot, or of a live board's recording, even without an end.
 
     Raises:
-        InputError: a file is missing or cannot be read, or is another robot's.
+        InputError: a file is missing or unreadable, or belongs to another robot.
         ContradictionError: the files contradict themselves.
     """
     report, evidence = read_report(folder), read_evidence(folder)
@@ -120,7 +120,7 @@ def _waited_for(table: Table) -> tuple[str, ...]:
 
 
 def _bus_faults(table: Table, robot: Robot) -> tuple[str, ...]:
-    """Return the faults of a scenario that were the bus' own and have struck."""
+    """Return the faults of the bus in a scenario that have struck."""
     if "faults" not in table:
         return ()
 
@@ -134,7 +134,7 @@ def _bus_faults(table: Table, robot: Robot) -> tuple[str, ...]:
 
 
 def _done(table: Table, robot: Robot) -> Operated | str | None:
-    """Return an operation that a report tells, or a fault of the bus in words; None for a host's fault or a repair."""
+    """Return an operation in a report, or a bus fault as text; None for a host's fault or a repair."""
     at_s = table.number("at_s")
     fault = read_request(robot, {key: value for key, value in table.values.items() if key != "at_s"})
     if isinstance(fault, BusFault):

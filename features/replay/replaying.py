@@ -1,11 +1,11 @@
-"""Replay a recorded bus on emulated boards in virtual time, and compare what they do with what was recorded.
+"""Replay a recorded bus on emulated boards in virtual time, and compare frames and edges with the recording.
 
-On the board's clock the instant when a frame became valid is exact, so its beginning on the wire is, too: a length
-of the frame earlier. The frame takes part in the arbitration at that instant, as it did. A frame that began right after
-another one had waited for it, and waits again.
+On the board's clock the instant when a frame became valid is exact. Its start on the wire was earlier by the length of
+the frame, and the frame enters arbitration then. A frame that began right after another one had waited for it, and
+waits again.
 
-By a computer's clock, time stamps tell when a program saw the frames. A host's frame is sent at its stamp, but a
-request not before the answers that its host had seen have come.
+By a computer's clock, time stamps tell when a program received the frames. A host's frame is sent at its stamp, but a
+request waits for the answers that its host had already received.
 """
 
 from collections import Counter
@@ -41,25 +41,25 @@ from steptwin.protocol.frame import COB_SDO_REQUEST, COB_SDO_RESPONSE, FIRST_NOD
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND, COUNTS_PER_US
 
 LEAD_COUNTS: Final = 10 * COUNTS_PER_MS
-"""Time from power-up to the first frame of a recording that does not tell it: the boards have sent their boot-ups."""
+"""Time from power-up to the first frame if the recording does not give it: after the boot-ups."""
 _ANSWER_COUNTS: Final = 100 * COUNTS_PER_MS
-"""Longest time for which a request waits for the answers before it; the board takes less than 2 ms."""
+"""Longest wait of a request for the answers before it; the board takes less than 2 ms."""
 _REST_COUNTS: Final = COUNTS_PER_SECOND // 10
-"""Time after the last frame, and after the last motion, until which answers come."""
+"""Time after the last frame, and after the last motion, in which answers may come."""
 _MOTION_S_MAX: Final = 3600
-"""Longest time for which a motion is followed that goes on after the recording."""
+"""Longest time after the recording for which a motion is continued."""
 
 
 class HostPlayer:
-    """Sends the hosts' frames of a recording, in their order; the frames go to the hosts' one interface."""
+    """Sends the hosts' frames of a recording in order, from one interface of the hosts."""
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
 
     def play_exactly(self, frames: Sequence[RecordedFrame], senders: Sequence[Sender], until_counts: int) -> None:
-        """Play a recording on the board's clock, and go on to an instant."""
+        """Play a recording on the board's clock, and continue to an instant."""
         for recorded, sender in zip(frames, senders, strict=True):
-            if sender is not Sender.BOARD:  # other nodes take their time of the bus, too
+            if sender is not Sender.BOARD:  # other nodes occupy the bus, too
                 self._send_as_recorded(recorded.us * COUNTS_PER_US, recorded.frame)
         self._simulation.run_until(until_counts)
 
@@ -70,7 +70,7 @@ class HostPlayer:
         self._simulation.host.send(frame, self._simulation.now_counts)
 
     def play_by_wall_clock(self, frames: Sequence[RecordedFrame], senders: Sequence[Sender]) -> None:
-        """Play a recording by a computer's clock, and go on until the machine rests."""
+        """Play a recording by a computer's clock, and continue until the machine is at standstill."""
         first_counts = LEAD_COUNTS - frames[0].us * COUNTS_PER_US
         player = WallClockPlayer(self._simulation, first_counts)
         for (us, frame, _), sender in zip(frames, senders, strict=True):
@@ -93,11 +93,11 @@ class HostPlayer:
 class WallClockPlayer:
     """Sends hosts' frames by a computer's clock, one by one.
 
-    A request that waits for an answer delays what follows, unless the machine moves, which nothing delays.
+    A request that waits for an answer delays the frames after it, but never while the machine moves.
     """
 
     def __init__(self, simulation: Simulation, first_counts: int) -> None:
-        """Begin; `first_counts` is the boards' instant when that clock was 0, which may be before power-up."""
+        """Start the player; `first_counts` is the boards' instant at that clock's 0, which may be before power-up."""
         self._simulation = simulation
         self.first_counts: int = first_counts
         self._answered: Counter[int] = Counter()
@@ -108,11 +108,11 @@ class WallClockPlayer:
         self._answered[frame.cob_id] += 1
 
     def counts_of(self, us: int) -> int:
-        """Return the boards' instant at a time by the computer's clock."""
+        """Return the boards' instant at a time of the computer's clock."""
         return self.first_counts + us * COUNTS_PER_US
 
     def play(self, us: int, frame: Frame, sender: Sender) -> None:
-        """Send a host's frame that became valid at this time; note a board's as seen by the hosts."""
+        """Send a host's frame that became valid at this time; register a board's frame as received by the hosts."""
         if sender is Sender.BOARD:
             self._seen[frame.cob_id] += 1
         if sender is not Sender.HOST:
@@ -130,22 +130,22 @@ class WallClockPlayer:
 
 
 def _length_counts(simulation: Simulation, frame: Frame) -> int:
-    """Return the time from the beginning of a frame until it is valid."""
+    """Return the duration of a frame until it is valid."""
     return (frame_bits(frame) - VALID_BEFORE_END_BITS) * simulation.bus.bit_counts
 
 
 def _go_on(simulation: Simulation, until: Callable[[], bool], until_counts: int) -> None:
-    """Let time pass event by event until something is so, or up to an instant."""
+    """Advance event by event until a condition is met, or to an instant."""
     while not until() and simulation.now_counts < until_counts:
         event_counts = max(simulation.next_event_counts(until_counts), simulation.now_counts + COUNTS_PER_US)
         simulation.run_until(min(event_counts, until_counts))
 
 
 def machine_at(robot: Robot, power_up: MachineAtPowerUp, kernel: Kernel, log: Log | None = None) -> EmulatedMachine:
-    """Return a robot's machine as it stood at power-up, on a bus of its own; raise InputError as `MachineParts.of`.
+    """Return a robot's machine in its state at power-up, on a bus of its own; raise InputError as `MachineParts.of`.
 
-    What was done to it beside the bus is scheduled; the host's interface is free. `log` is called with each frame; by
-    default the bus keeps all of them.
+    The stored operations are scheduled; the host's interface is free. `log` is called with each frame; by default the
+    bus keeps all frames.
     """
     parts = MachineParts.of(
         robot,
@@ -174,15 +174,15 @@ class Replayed:
         bus: the recording.
         robot: the machine.
         machine: the boards.
-        run: what they did; its `save` writes the folder.
+        run: the run on these boards; its `save` writes the folder.
         played: number of frames that were sent to the boards.
-        bus_faults: the faults of the bus in the recording, in words, which are not repeated.
-        left_out: frames of the recording that were not played, by their kind in words.
-        frames: the first frame that differs from the recording; None if there is none.
-        edges: the first edge or step that differs from the stored run; None if there is none, or no stored run.
-        against: the folder of that run; None if there is none.
-        shift_us: by a computer's clock, by how much the steps of the last motion are earlier or later at most, from its
-            start; None if this was not compared.
+        bus_faults: faults of the bus in the recording, as text; they are not repeated.
+        left_out: number of frames of the recording that were not played, by kind.
+        frames: first frame that differs from the recording; None if there is none.
+        edges: first edge or step that differs from the stored run; None if there is none, or no stored run.
+        against: folder of that run; None if there is none.
+        shift_us: largest shift of the steps of the last motion by a computer's clock, counted from its start; None if
+            not compared.
     """
 
     bus: RecordedBus
@@ -199,7 +199,7 @@ class Replayed:
 
     @property
     def equal(self) -> bool:
-        """True if nothing that was compared differs."""
+        """True if no compared item differs."""
         return self.frames is None and self.edges is None
 
     def to_dict(self) -> dict[str, Any]:
@@ -238,13 +238,12 @@ def replay(
     Args:
         bus: the recording.
         robot: the machine.
-        power_up: how it stood when the boards were switched on.
+        power_up: its state when the boards were switched on.
         kernel: form of the firmware's kernel; by default the fastest one that is installed.
-        against: the stored run whose edges the replay must make.
+        against: stored run to compare edges with.
 
     Raises:
-        InputError: no frame of the recording is for the robot's nodes, or the drivers do not
-            exist.
+        InputError: the recording has no frame for the robot's nodes, or the drivers do not exist.
     """
     node_ids = range(FIRST_NODE_ID, FIRST_NODE_ID + len(robot.axes))
     senders = senders_of(bus.frames, node_ids)
@@ -288,7 +287,7 @@ def replay(
 
 
 def _check_nodes(bus: RecordedBus, senders: Sequence[Sender], robot: Robot, node_ids: Collection[int]) -> None:
-    """Raise InputError if nothing in the recording concerns the robot's nodes."""
+    """Raise InputError if the recording has no frame for or from the robot's nodes."""
     if Sender.BOARD in senders:
         return
     if any(frame.cob_id & NODE_ID_MAX in node_ids for _, frame, _ in bus.frames):
@@ -303,7 +302,7 @@ _NODES_LISTED = 8
 
 
 def _others(frames: Sequence[RecordedFrame], senders: Sequence[Sender]) -> Counter[str]:
-    """Return how many frames concern nodes that are not the robot's, by node in words."""
+    """Return the number of frames of nodes that are not the robot's, by node as text."""
     nodes = Counter(
         frame.cob_id & NODE_ID_MAX
         for (_, frame, _), sender in zip(frames, senders, strict=True)
@@ -313,7 +312,7 @@ def _others(frames: Sequence[RecordedFrame], senders: Sequence[Sender]) -> Count
 
 
 def _from_the_first_request(frames: Sequence[RecordedFrame], senders: Sequence[Sender]) -> list[tuple[int, Frame]]:
-    """Return the board's frames after the first one of a host, with instants in counts since the first frame."""
+    """Return the board's frames after a host's first one, with instants in counts since the first frame."""
     first = senders.index(Sender.HOST) if Sender.HOST in senders else len(frames)
     first_us = frames[0].us
     return [
@@ -326,7 +325,7 @@ def _from_the_first_request(frames: Sequence[RecordedFrame], senders: Sequence[S
 def _compared_edges(
     bus: RecordedBus, run: UnplannedRun, end_counts: int, against: StoredMachine
 ) -> tuple[Difference | None, float | None]:
-    """Return the first difference of the edges, and by a computer's clock the greatest shift of equal steps.
+    """Return the first difference of the edges and, by a computer's clock, the largest shift of equal steps.
 
     `end_counts` is the end of the replay.
     """

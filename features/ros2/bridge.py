@@ -1,7 +1,7 @@
-"""Offer a machine to ROS through a rosbridge server: its joints' positions, and an action that moves it.
+"""Offer a machine to ROS through a rosbridge server: joint positions, and an action that moves it.
 
-The server is reached by a WebSocket (RFC 6455). The extra for it is `websockets`, not `roslibpy`: that one offers no
-actions, and brings Twisted and autobahn.
+The server has a WebSocket (RFC 6455). The extra is `websockets`; `roslibpy` offers no actions and brings Twisted and
+autobahn.
 """
 
 from collections import Counter
@@ -13,7 +13,7 @@ from typing import Final, Protocol
 import numpy as np
 
 from steptwin.features.ros2.goals import ActiveGoal, FollowGoal, GoalEvent, GoalState, RefusedGoalError, follow_goal
-from steptwin.features.ros2.messages import CancelAsked, FollowCode, GoalSent, RosNames
+from steptwin.features.ros2.messages import CancelRequest, FollowCode, GoalSent, RosNames
 from steptwin.host.client.links import ANSWER_S, address_text
 from steptwin.host.client.links.bus_link import reason
 from steptwin.host.client.reports import Listening, check_enabled, check_faults
@@ -30,21 +30,21 @@ from steptwin.host.planning.plan import highest_speed
 from steptwin.protocol.cia402 import Status
 
 PERIOD_S: Final = 0.1
-"""Time from one message of joint_states, or of a goal's feedback, to the next; the board's reports come as often."""
+"""Period of joint_states and of a goal's feedback; the board reports as often."""
 _LATE_USUAL_S: Final = 0.2
-"""Time after a trajectory's end in which its last report comes."""
+"""Usual time of the last report after a trajectory's end."""
 _WHAT: Final = "ros2-bridge"
 PORT: Final = 9090
 """Port of rosbridge_server's WebSocket."""
 _MESSAGE_BYTES_MAX: Final = 16 * MIB
-"""A goal of six joints with 10 000 points has some 6 MB."""
+"""Largest message; a goal of six joints with 10 000 points has some 6 MB."""
 _AT_ONCE: Final = 100
-"""Messages that are read in a turn, which take some ms: a stream that is not tended meanwhile runs dry."""
+"""Messages read in a turn of some ms; a longer turn would let the stream to the board run dry."""
 _PING_S: Final = 1.0
-"""Time from one ping to the next; a server that is silent for twice as long is lost."""
+"""Period of pings; a server that is silent for two periods is lost."""
 
 _CLOSE_S: Final = 0.2
-"""Longest time that a lost connection takes to end: a stream that is not tended meanwhile lasts half a second."""
+"""Longest time to close a lost connection; the stream to the board lasts half a second without service."""
 
 
 class RosbridgeLostError(BusError):
@@ -59,12 +59,12 @@ class RosChannel(Protocol):
         ...
 
     def received(self) -> Iterable[str | bytes]:
-        """Return messages that have come, some at a time, without waiting; raise RosbridgeLostError as `send`."""
+        """Return received messages, a limited number, without waiting; raise RosbridgeLostError as `send`."""
         ...
 
 
 class _CanceledError(Exception):
-    """A goal was canceled; it leaves the charge of the machine, which stops it by that."""
+    """A goal was canceled; leaving the lease of the machine stops it."""
 
 
 class _TooLateError(StepTwinError):
@@ -72,16 +72,16 @@ class _TooLateError(StepTwinError):
 
 
 class RosBridge:
-    """A machine offered to ROS: one goal at a time, which stops when it is canceled or the connection ends.
+    """A machine offered to ROS: one goal at a time; cancellation or a lost connection stops it.
 
     Attributes:
-        ends: how many goals have ended in each state.
+        ends: number of goals by final state.
     """
 
     def __init__(
         self, session: Session, channel: RosChannel, names: RosNames, say: Callable[[str], None] = lambda _: None
     ) -> None:
-        """Make a bridge; `say` is told of each goal and of what the server says, in lines."""
+        """Create a bridge; `say` receives a line for each goal and for each message of the server."""
         self.ends: Counter[GoalState] = Counter()
         self._session = session
         self._channel = channel
@@ -91,10 +91,10 @@ class RosBridge:
         self._due_s = session.link.now_s()
 
     def run(self) -> None:
-        """Serve until Ctrl-C while no goal is under way.
+        """Serve until Ctrl-C at standstill.
 
         Raises:
-            KeyboardInterrupt: Ctrl-C while the machine moved; it has been stopped.
+            KeyboardInterrupt: Ctrl-C during a motion; the machine has been stopped.
             RosbridgeLostError: the connection to the server has ended; a goal's motion has been stopped.
             BusError: the board no longer reports.
         """
@@ -122,27 +122,27 @@ class RosBridge:
                 for text in self._names.withdrawals():
                     self._channel.send(text)
 
-    # --- what the server says, and what it is told
+    # --- messages
 
     def _look(self) -> None:
-        """Read what has come, some of it at a time, and tell where the joints are when it is time."""
+        """Process received messages, a limited number, and publish joint positions when due."""
         for text in self._channel.received():
             try:
-                heard = self._names.heard(text)
+                message = self._names.parsed(text)
             except InputError as error:
                 self._say(f"a message of the server was dropped: {error}")
                 continue
-            if isinstance(heard, GoalSent):
-                self._arrive(heard)
-            elif isinstance(heard, CancelAsked):
-                if self._goal is not None and heard.goal_id == self._goal.goal_id:
+            if isinstance(message, GoalSent):
+                self._arrive(message)
+            elif isinstance(message, CancelRequest):
+                if self._goal is not None and message.goal_id == self._goal.goal_id:
                     self._goal.take(GoalEvent.CANCEL)
-            elif heard is not None:
-                self._say(f"the server says: {heard.text}")
+            elif message is not None:
+                self._say(f"the server says: {message.text}")
         self._publish()
 
     def _arrive(self, sent: GoalSent) -> None:
-        """Take a goal, or refuse it while another is under way: its motion could not begin where it would be then."""
+        """Start a goal; reject it while another one is active, since its start would be elsewhere by then."""
         goal = ActiveGoal(sent.goal_id, sent.args)
         if self._goal is None:
             self._goal = goal
@@ -151,7 +151,7 @@ class RosBridge:
         self._end(goal, FollowCode.INVALID_GOAL, f"{self._goal.goal_id} is under way: cancel it first, or wait")
 
     def _readings(self) -> list[JointReading]:
-        """Return where the joints are by the last reports; none while an axis has not reported."""
+        """Return joint positions by the last reports; empty while an axis has not reported."""
         reports = [axis.drive_status for axis in self._session.machine.axes]
         told = [report for report in reports if report is not None]
         if len(told) < len(reports):
@@ -161,7 +161,7 @@ class RosBridge:
         return readings[: len(self._session.robot.joints)]
 
     def _publish(self, stream: Stream | None = None, follow: FollowGoal | None = None) -> None:
-        """Send joint_states when they are due, and a goal's feedback with them."""
+        """Send joint_states when due, and a goal's feedback with them."""
         now_s = self._session.link.now_s()
         if now_s < self._due_s:
             return
@@ -183,10 +183,10 @@ class RosBridge:
         self._say(f"{goal.goal_id}: {goal.state.name}{f', {code.name}' if code else ''}{f': {text}' if text else ''}")
         self._channel.send(self._names.result(goal.goal_id, goal.state, code, text))
 
-    # --- a goal
+    # --- goals
 
     def _execute(self, goal: ActiveGoal) -> None:
-        """Bring a goal to its end, and tell the server; the machine rests afterwards."""
+        """Execute a goal and report its result; the machine is at standstill afterwards."""
         code, event, text = FollowCode.PATH_TOLERANCE_VIOLATED, GoalEvent.FAILED, ""
         try:
             self._say(f"{goal.goal_id}: ACCEPTED")
@@ -216,10 +216,10 @@ class RosBridge:
         self._end(goal, code, text)
 
     def _follow(self, goal: ActiveGoal) -> str:
-        """Check a goal and move the machine; return which joint misses its end, empty if none does.
+        """Check a goal and move the machine; return the joint that misses its end, or an empty text.
 
         Raises:
-            RefusedGoalError: nothing has moved.
+            RefusedGoalError: rejected before any motion.
             _CanceledError: the goal was canceled; the machine has been stopped, as after any other error.
         """
         session = self._session
@@ -239,7 +239,7 @@ class RosBridge:
                 return follow.missed(session.positions(machine.positions_units())) or ""
 
     def _tend(self, goal: ActiveGoal, follow: FollowGoal, stream: Stream) -> None:
-        """Let the trajectory run to its end."""
+        """Process messages until the trajectory ends."""
         machine, late_max_s = self._session.machine, follow.late_max_s
         began_s, lasts_s = machine.now_s(), follow.plan.trajectory.duration_s
         while not stream.ended:
@@ -259,16 +259,16 @@ class RosBridge:
 
 
 def require_websockets() -> None:
-    """Raise InputError, with the remedy, unless the extra `ros2` is installed."""
+    """Raise InputError, with the remedy, if the extra `ros2` is not installed."""
     if find_spec("websockets") is None:
         raise InputError(f"the bridge to ROS is not installed: {installing('ros2')}")
 
 
 class RosbridgeSocket:
-    """A connection to a rosbridge server; a context manager that closes it at its end."""
+    """Connection to a rosbridge server; a context manager that closes it."""
 
     def __init__(self, host: str, port: int) -> None:
-        """Connect; raise RosbridgeLostError if no server answers there."""
+        """Connect; raise RosbridgeLostError if no server answers."""
         from websockets.exceptions import WebSocketException
         from websockets.sync.client import connect
 
@@ -281,7 +281,7 @@ class RosbridgeSocket:
                 ping_interval=_PING_S,
                 ping_timeout=2 * _PING_S,
                 max_size=_MESSAGE_BYTES_MAX,
-                max_queue=None,  # a cancellation must not wait behind other messages
+                max_queue=None,  # cancellations must not wait behind other messages
                 compression=None,
                 proxy=None,
             )
@@ -298,7 +298,7 @@ class RosbridgeSocket:
             raise self._lost() from error
 
     def received(self) -> list[str | bytes]:
-        """Return messages that have come, some at a time, without waiting; raise RosbridgeLostError as `send`."""
+        """Return received messages, a limited number, without waiting; raise RosbridgeLostError as `send`."""
         from websockets.exceptions import ConnectionClosed
 
         messages: list[str | bytes] = []

@@ -1,9 +1,9 @@
-"""The goals of a FollowJointTrajectory action: their states, their checks before anything moves, and their plans.
+"""Goals of a FollowJointTrajectory action: states, checks before any motion, and plans.
 
-Between points with velocities the motion is a cubic, without them a C2 spline through all points, as of files.
+Points with velocities are joined by cubics, points without them by a C2 spline, as in files.
 
-Source of the states and of what leads from one to another: "Actions" in the design articles of ROS 2 (goal states), and
-action_msgs/msg/GoalStatus for the numbers.
+Sources: "Actions" in the design articles of ROS 2 (goal states and transitions), and action_msgs/msg/GoalStatus (the
+numbers).
 """
 
 from dataclasses import dataclass, replace
@@ -29,7 +29,7 @@ from steptwin.host.robots.robot import Robot
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
 START_TOLERANCES: Final = {Unit.DEG: 0.01 * PER_ROS_UNIT[Unit.DEG], Unit.MM: 1.0}
-"""Farthest that a trajectory may start from where the machine stands: MoveIt's 0.01 rad, and 1 mm."""
+"""Largest distance from the machine's position to a trajectory's start: MoveIt's 0.01 rad, and 1 mm."""
 _KEYS: Final = (
     *("trajectory", "multi_dof_trajectory", "path_tolerance", "component_path_tolerance"),
     *("goal_tolerance", "component_goal_tolerance", "goal_time_tolerance"),
@@ -50,12 +50,12 @@ class GoalState(IntEnum):
 
     @property
     def ended(self) -> bool:
-        """True if nothing follows."""
+        """True for a final state."""
         return self >= GoalState.SUCCEEDED
 
 
 class GoalEvent(Enum):
-    """What happens to a goal."""
+    """Events of a goal."""
 
     BEGUN = "the axes have set off"
     CANCEL = "a client asks to cancel it"
@@ -75,7 +75,7 @@ TRANSITIONS: Final = {
     (GoalState.CANCELING, GoalEvent.STOPPED): GoalState.CANCELED,
     (GoalState.CANCELING, GoalEvent.FAILED): GoalState.ABORTED,
 }
-"""The state that follows on an event; what is not here does not happen."""
+"""State after an event; pairs that are missing here are impossible."""
 
 
 class ActiveGoal:
@@ -87,7 +87,7 @@ class ActiveGoal:
         self.state: GoalState = GoalState.ACCEPTED
 
     def take(self, event: GoalEvent) -> None:
-        """Go on to the state that follows on an event; raise ValueError if the event cannot happen now."""
+        """Change the state by an event; raise ValueError if the event is impossible now."""
         after = TRANSITIONS.get((self.state, event))
         if after is None:
             raise ValueError(f"{self.goal_id}: {event.name} does not happen to a goal that is {self.state.name}")
@@ -95,7 +95,7 @@ class ActiveGoal:
 
 
 class RefusedGoalError(InputError):
-    """A goal was refused before anything moved; `code` is that of the action's result."""
+    """A goal was rejected before any motion; `code` is that of the action's result."""
 
     def __init__(self, message: str, code: FollowCode = FollowCode.INVALID_GOAL) -> None:
         super().__init__(message)
@@ -104,12 +104,12 @@ class RefusedGoalError(InputError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FollowGoal:
-    """A goal that may be executed from where the machine stood.
+    """An accepted goal with its plan.
 
     Attributes:
         plan: the motion.
-        end_tolerances: shape (joints,), how far each joint may stand from the end, in mm and degrees; inf: anywhere.
-        late_max_s: longest time after the trajectory's own end; None: any.
+        end_tolerances: shape (joints,), largest distance of each joint from the end, in mm and degrees; inf: any.
+        late_max_s: longest delay after the trajectory's own end; None: any.
     """
 
     plan: Plan
@@ -117,7 +117,7 @@ class FollowGoal:
     late_max_s: float | None
 
     def missed(self, joints: list[float]) -> str | None:
-        """Return which joint stands farthest beyond its tolerance, in one line; None if none does."""
+        """Return a line about the joint farthest beyond its tolerance; None if all are within."""
         robot, end = self.plan.robot, self.plan.trajectory.positions(np.array([self.plan.trajectory.duration_s]))[0]
         away = np.abs(np.array(joints) - end)
         beyond = away - self.end_tolerances
@@ -132,14 +132,14 @@ class FollowGoal:
 
 
 def follow_goal(robot: Robot, args: object, standing: list[float]) -> FollowGoal:
-    """Check the arguments of a goal, in rad and m, for a machine that stands at joints in mm and degrees.
+    """Check the arguments of a goal, in rad and m, for a machine at `standing`, in mm and degrees.
 
-    A first point at 0 s that is within START_TOLERANCES of the machine is moved to where it stands; without a point at
-    0 s the motion begins where the machine stands.
+    A first point at 0 s within START_TOLERANCES of the machine is moved to the machine's position. Without a point at 0
+    s the motion begins at the machine's position.
 
     Raises:
-        RefusedGoalError: the joints are not the robot's, times do not rise, a value is missing or beyond a limit, the
-            start is elsewhere, or a tolerance cannot be kept; the message names joint, value and limit.
+        RefusedGoalError: joints do not match, times do not rise, a value is missing or beyond a limit, the start is
+            elsewhere, or a tolerance cannot be kept; the message names joint, value and limit.
     """
     try:
         goal = Table(args, "JSON object")
@@ -150,7 +150,7 @@ def follow_goal(robot: Robot, args: object, standing: list[float]) -> FollowGoal
         least = step_tolerances(robot)
         _check_path_tolerances(robot, goal, least)
         end_tolerances = _end_tolerances(robot, goal, least)
-        begun = _begun_where_it_stands(robot, points.in_units(FileUnits.named("rad,m"), robot), standing)
+        begun = _begun_at(robot, points.in_units(FileUnits.named("rad,m"), robot), standing)
         joint_points = begun.joint_points(robot)
         joint_points.check_within(robot)
         motion = FileMotion.of(robot, joint_points, None, 0.0).trajectory
@@ -163,7 +163,7 @@ def follow_goal(robot: Robot, args: object, standing: list[float]) -> FollowGoal
 
 
 def step_tolerances(robot: Robot) -> FloatArray:
-    """Return how far each joint may be from its plan, by the firmware's step rule: shape (joints,), mm and degrees."""
+    """Return each joint's largest deviation from its plan by the firmware's step rule, shape (joints,), mm or deg."""
     per_axis = np.array([1.0 / joint.transmission.microsteps for joint in robot.axes])
     units = np.diag(END_ERROR_STEPS_MAX * UNITS_PER_FULL_STEP * per_axis)
     rounding = 1.0 + 1e-6
@@ -177,7 +177,7 @@ def _check_names(robot: Robot, points: Points) -> None:
 
 
 def _check_stamp(goal: Table) -> None:
-    """Refuse a start at a time of ROS' clock, which is not known here; MoveIt asks for none."""
+    """Reject a start at a time of ROS' clock, which is unknown here; MoveIt sends none."""
     trajectory = goal.values.get("trajectory")
     header = trajectory.get("header") if isinstance(trajectory, dict) else None
     stamp = header.get("stamp") if isinstance(header, dict) else None
@@ -189,7 +189,7 @@ def _check_stamp(goal: Table) -> None:
 
 
 def _seconds(time: object, place: str) -> float:
-    """Return a time or duration of ROS; 0 without one."""
+    """Return a time or duration of ROS in seconds; 0 if it is missing."""
     if time is None:
         return 0.0
     with prefixed(f"{place}: "):
@@ -199,8 +199,8 @@ def _seconds(time: object, place: str) -> float:
     return sec + nanosec / 1e9
 
 
-def _begun_where_it_stands(robot: Robot, points: Points, standing: list[float]) -> Points:
-    """Return the points from where the machine stands on."""
+def _begun_at(robot: Robot, points: Points, standing: list[float]) -> Points:
+    """Return the points with the machine's position as the first one."""
     if not len(points.times_s):
         raise RefusedGoalError("points: there are none; to stop a motion, cancel its goal")
     at = dict(zip(robot.joint_names, standing, strict=True))
@@ -226,7 +226,7 @@ def _check_start(robot: Robot, points: Points, standing: FloatArray) -> None:
 
 
 def _tolerances(robot: Robot, goal: Table, key: str) -> dict[str, dict[str, float]]:
-    """Return the tolerances of joints by their names, in mm and degrees, without those that are 0, the default."""
+    """Return tolerances by joint in mm and degrees; 0 means the default and is left out."""
     if goal.values.get(f"component_{key}"):
         raise RefusedGoalError(f"component_{key}: is for joints with several degrees of freedom; leave it out")
     found: dict[str, dict[str, float]] = {}
@@ -245,7 +245,7 @@ def _tolerances(robot: Robot, goal: Table, key: str) -> dict[str, dict[str, floa
 
 
 def _check_path_tolerances(robot: Robot, goal: Table, least: FloatArray) -> None:
-    """Refuse tolerances on the way that the board does not hold by itself, since nobody could watch them in time."""
+    """Reject path tolerances below the firmware's own step rule; nothing could check them in time."""
     for name, values in _tolerances(robot, goal, "path_tolerance").items():
         joint, limit = robot.joint(name), float(least[robot.index_of(name)])
         if 0.0 < values.get("position", inf) < limit:
@@ -259,7 +259,7 @@ def _check_path_tolerances(robot: Robot, goal: Table, least: FloatArray) -> None
 
 
 def _end_tolerances(robot: Robot, goal: Table, least: FloatArray) -> FloatArray:
-    """Return how far joints may stand from the end; the machine rests there, whatever velocities are allowed."""
+    """Return the largest distances of joints from the end; velocities do not count, since the machine stops there."""
     tolerances = least.copy()
     for name, values in _tolerances(robot, goal, "goal_tolerance").items():
         if position := values.get("position"):

@@ -1,12 +1,11 @@
-"""A served board in ROS, through a rosbridge server: joint_states, and FollowJointTrajectory.
+"""Messages between a served board and ROS through a rosbridge server: joint_states and FollowJointTrajectory.
 
-This door has the messages between a client and such a server, and ROS' units, rad and m. `bridge` offers a machine,
-`goals` checks what it is to do.
+This module has the messages, and ROS' units, rad and m. `bridge` offers a machine, `goals` checks goals.
 
-The protocol is rosbridge v2 (ROSBRIDGE_PROTOCOL.md of rosbridge_suite, sections 3.2 and 4): JSON objects, of which `op`
-says what they are. A client that has advertised an action gets its goals by `send_action_goal` and
-`cancel_action_goal` and answers by `action_feedback` and `action_result`. A message without a header, as those here,
-gets the server's time. The action is control_msgs/action/FollowJointTrajectory.
+The protocol is rosbridge v2 (ROSBRIDGE_PROTOCOL.md of rosbridge_suite, sections 3.2 and 4): JSON objects whose `op` is
+their kind. A client that has advertised an action receives goals by `send_action_goal` and `cancel_action_goal`, and
+answers by `action_feedback` and `action_result`. A message without a header, as those here, gets the server's time. The
+action is control_msgs/action/FollowJointTrajectory.
 """
 
 import json
@@ -43,36 +42,36 @@ class FollowCode(IntEnum):
 
 
 class GoalSent(NamedTuple):
-    """A goal of the action, with the server's name for it; its arguments may be anything."""
+    """A goal of the action with the server's id; its arguments are unchecked."""
 
     goal_id: str
     args: object
 
 
-class CancelAsked(NamedTuple):
-    """A client asks to cancel a goal."""
+class CancelRequest(NamedTuple):
+    """A request of a client to cancel a goal."""
 
     goal_id: str
 
 
-class ServerSays(NamedTuple):
-    """A status message of the server, such as that it does not know an operation."""
+class ServerStatus(NamedTuple):
+    """A status message of the server, for example about an unknown operation."""
 
     text: str
 
 
-Heard = GoalSent | CancelAsked | ServerSays
+ServerMessage = GoalSent | CancelRequest | ServerStatus
 
 
 class RosNames(NamedTuple):
-    """The names of an action and a topic in ROS."""
+    """Names of an action and a topic in ROS."""
 
     action: str
     topic: str
 
     @classmethod
     def of(cls, controller: str) -> "RosNames":
-        """Return the names for a controller's; raise InputError for a name that ROS does not take."""
+        """Return the names for a controller; raise InputError for a name that ROS does not accept."""
         if not _NAME.fullmatch(controller):
             raise InputError(
                 f"controller={controller}: is no name in ROS: letters, digits and _, not first a digit, parts joined"
@@ -81,23 +80,23 @@ class RosNames(NamedTuple):
         return cls(f"/{controller}/follow_joint_trajectory", f"/{JOINT_STATES}")
 
     def advertisements(self) -> list[str]:
-        """Return what to tell a server at the beginning."""
+        """Return the messages for the start of a connection."""
         return [
             _text("advertise", topic=self.topic, type=_JOINT_STATE),
             _text("advertise_action", action=self.action, type=_ACTION_TYPE),
         ]
 
     def withdrawals(self) -> list[str]:
-        """Return what to tell a server at the end."""
+        """Return the messages for the end of a connection."""
         return [_text("unadvertise_action", action=self.action), _text("unadvertise", topic=self.topic)]
 
     def joint_states(self, robot: Robot, joints: dict[str, float]) -> str:
-        """Return the message with the positions of joints, in mm and degrees by their names."""
+        """Return the message with joint positions, given by name in mm and degrees."""
         values = [position / PER_ROS_UNIT[robot.joint(name).unit] for name, position in joints.items()]
         return _text("publish", topic=self.topic, msg={"name": list(joints), "position": values})
 
     def feedback(self, goal_id: str, robot: Robot, at_s: float, desired: FloatArray, actual: FloatArray) -> str:
-        """Return the message of a goal's progress: its time, and positions of shape (joints,) in mm and degrees."""
+        """Return the message of a goal's progress: time, and positions of shape (joints,) in mm and degrees."""
         time = duration(at_s)
         points = {"desired": desired, "actual": actual, "error": desired - actual}
         values = {
@@ -114,27 +113,27 @@ class RosNames(NamedTuple):
     def result(self, goal_id: str, status: int, code: FollowCode, text: str) -> str:
         """Return the message of a goal's end; `status` is that of action_msgs/GoalStatus.
 
-        `result` is true also for an aborted goal: with false the server would drop code and text.
+        `result` is true even for an aborted goal, since the server drops code and text with false.
         """
         values = {"error_code": int(code), "error_string": text}
         return _text("action_result", id=goal_id, action=self.action, values=values, status=status, result=True)
 
-    def heard(self, text: str | bytes) -> Heard | None:
-        """Return what a server says by a message; None if it concerns others.
+    def parsed(self, text: str | bytes) -> ServerMessage | None:
+        """Return the content of a server's message; None if it concerns others.
 
         Raises:
-            InputError: it is not a message of the protocol, or lacks a value.
+            InputError: it is no message of the protocol, or lacks a value.
         """
         if isinstance(text, bytes):
             raise InputError("is in bytes; only JSON was asked for")
         message = json_table(text)
         op = _word(message, "op")
         if op == "status":
-            return ServerSays(str(message.values.get("msg", "")))
+            return ServerStatus(str(message.values.get("msg", "")))
         if op not in ("send_action_goal", "cancel_action_goal") or message.values.get("action") != self.action:
             return None
         goal_id = _word(message, "id")
-        return GoalSent(goal_id, message.values.get("args")) if op == "send_action_goal" else CancelAsked(goal_id)
+        return GoalSent(goal_id, message.values.get("args")) if op == "send_action_goal" else CancelRequest(goal_id)
 
 
 def _word(message: Table, key: str) -> str:
@@ -149,7 +148,7 @@ def _text(op: str, **values: Any) -> str:
 
 
 def in_ros_units(robot: Robot, joints: FloatArray) -> FloatArray:
-    """Return positions of shape (..., joints), in mm and degrees, in m and rad."""
+    """Convert positions of shape (..., joints) from mm and degrees to m and rad."""
     return np.asarray(joints / np.array([PER_ROS_UNIT[joint.unit] for joint in robot.joints]))
 
 

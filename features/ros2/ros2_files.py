@@ -1,9 +1,9 @@
-"""Describe a robot's board for ros2_canopen: bus.yml, the nodes' data sheet, ros2_control's description, the URDF.
+"""Describe a robot's board for ros2_canopen: bus.yml, the nodes' EDS, ros2_control's description, the URDF.
 
-ros2_canopen's Cia402Driver drives one axis a node. It gets statusword and mode, position and velocity with each SYNC,
-and sends controlword and mode, target position and velocity. Its units are rad and m: positions are multiplied by
-`scale_pos_to_dev` on their way to a node. All PDOs go with SYNC: so controlword and target act together. The file
-names, keys and driver names follow its documentation and its tests.
+ros2_canopen's Cia402Driver drives one axis a node. With each SYNC it receives statusword, mode, position and velocity,
+and sends controlword, mode, target position and velocity. Its units are rad and m; it multiplies positions by
+`scale_pos_to_dev` on their way to a node. All PDOs go with SYNC, so controlword and target act together. File names,
+keys and driver names follow its documentation and its tests.
 """
 
 from math import pi
@@ -132,7 +132,7 @@ def ros2_files(robot: Robot) -> dict[str, str]:
 
 
 def scale_to_dev(joint: Joint) -> float:
-    """Return the wire units in a rad or m of a joint."""
+    """Return the wire units for a rad or m of a joint."""
     return joint.transmission.wire_units_per_unit * _PER_RAD_OR_M[joint.unit]
 
 

@@ -1,4 +1,4 @@
-"""Shadow a running machine: a twin hears the hosts' frames and tells where the real board does otherwise."""
+"""Shadow a running machine: a twin follows the hosts' frames and reports where the real board differs."""
 
 from typing import Final
 

@@ -1,9 +1,9 @@
-"""Ask the nodes of a running machine how they stand, by SDO uploads only, while it rests and no host commands it.
+"""Query the nodes of a running machine by SDO uploads only, at standstill and without commands of a host.
 
-No I/O: frames and times come in, requests go out. There is one request on the bus at a time, and each is an expedited
-upload (CiA 301, section 7.2.4.3.5). A node has one SDO server for all clients, so a request between the frames of
-another client's transfer would break that. So the questions wait until no other client or host has sent the nodes
-anything for a while, and begin again if one does.
+There is no I/O here: frames and times come in, requests go out. Only one request is on the bus at a time, and each is
+an expedited upload (CiA 301, section 7.2.4.3.5). A node has one SDO server for all clients, so a request between the
+frames of another client's transfer would break that transfer. So the queries wait until no other client or host has
+sent the nodes anything for a while, and begin again if one does.
 """
 
 from collections import deque
@@ -42,10 +42,10 @@ from steptwin.protocol.sdo_frames import (
 from steptwin.protocol.storage import NO_NAME, checksum, stored_name
 
 _QUIET_S: Final = 0.3
-"""Time without anything given to the nodes before they are asked: longer than a pause within a client's transfer."""
+"""Silence towards the nodes before they are queried: longer than a pause within a client's transfer."""
 _ANSWER_S: Final = 1.0
 _PATIENCE_S: Final = 30.0
-"""Longest time that the questions wait for a machine that moves, or that others ask."""
+"""Longest wait of the queries for a machine that moves, or for other clients."""
 
 RESTS: Final = (
     od.STATUSWORD,
@@ -57,9 +57,9 @@ RESTS: Final = (
     od.ERROR_REGISTER,
     od.ERROR_CODE,
 )
-"""What is asked first, and again at the end: all of it must be the same then."""
+"""Values that are read first, and again at the end; all must be equal then."""
 _ACTS: Final = frozenset((*od.STORES, *od.RESTORES, od.PVT_SEQUENCE, od.EMERGENCY_STOP))
-"""Entries whose value is none of the node's settings: writing one acts."""
+"""Entries that are no settings: writing one triggers an action."""
 _CLOCKS: Final = frozenset((od.TIME_STAMP, od.ERROR_HISTORY_COUNT))
 KEPT: Final = tuple(
     address
@@ -68,7 +68,7 @@ KEPT: Final = tuple(
     and entry.data_type is not DataType.VISIBLE_STRING
     and address not in _ACTS | _CLOCKS
 )
-"""The settings: all numbers that hosts may write."""
+"""Settings: all numbers that hosts may write."""
 _STANDS: Final = (
     od.POSITION_DEMAND,
     od.PVT_NEXT_SEQUENCE,
@@ -78,7 +78,7 @@ _STANDS: Final = (
 )
 
 NodeValues = Mapping[int, int]
-"""The values of a node's entries, by their addresses."""
+"""Values of a node's entries, by address."""
 
 
 class _Question(NamedTuple):
@@ -91,19 +91,19 @@ class _Question(NamedTuple):
 
 
 class Questions:
-    """The questions to all nodes of a machine, in their order.
+    """Queries of all nodes of a machine, in order.
 
     Attributes:
-        standing: how each node stands, by its id; None until all have answered.
+        standing: values of each node, by its id; None until all have answered.
     """
 
     def __init__(self, robot_name: str, names: Mapping[int, str], tell: Callable[[str], None]) -> None:
-        """Begin to listen.
+        """Start listening.
 
         Args:
             robot_name: the robot's name.
-            names: the axes' names by their node ids.
-            tell: called with each reason, in one line, for which the questions wait.
+            names: names of the axes by node id.
+            tell: called with each reason, in one line, for which the queries wait.
         """
         self._crc = checksum(stored_name(robot_name))
         self._robot_name = robot_name
@@ -114,12 +114,12 @@ class Questions:
         self._quiet_since_s = 0.0
         self._pending: _Question | None = None
         self._void: _Question | None = None
-        """The question that was under way when all began again: its answer is not taken."""
+        """Query in progress when all began again; its answer is ignored."""
         self._sent_s = 0.0
         self._left = self._all()
         self._values: dict[int, dict[int, int]] = {node_id: {} for node_id in names}
         self._why: StepTwinError | None = None
-        """Why the questions have begun again, last."""
+        """Last reason for beginning again."""
         self.standing: Mapping[int, NodeValues] | None = None
 
     def _all(self) -> "deque[_Question]":
@@ -130,16 +130,16 @@ class Questions:
         return deque((*of(RESTS), *of(others), *of(RESTS)))
 
     def hear(self, now_s: float, frame: Frame | None) -> Frame | None:
-        """Take the next frame on the bus, None if none has come; return the request that is to be sent now, if any.
+        """Process the next frame on the bus, None without one; return the request to send now, if any.
 
         Args:
-            now_s: time by a clock that is never set, in s.
+            now_s: time in s by a clock that is never set.
             frame: the frame.
 
         Raises:
             DeviceFaultError: an axis has an error.
-            BusError: a node does not answer, or others have used the nodes for all the time.
-            InputError: the machine moves for all the time, is another robot's, or has another firmware.
+            BusError: a node does not answer, or other clients have used the nodes all the time.
+            InputError: the machine has moved all the time, is another robot's, or has another firmware.
         """
         if self._began_s is None:
             self._began_s = self._quiet_since_s = now_s
@@ -172,7 +172,7 @@ class Questions:
             self._void = None
             return
         if asked is not None and frame == asked.request:
-            return  # an interface may let its own frames be heard
+            return  # an interface may return its own frames
         sender = self._identifiers.sender_of(frame)
         if sender is Sender.HOST and (base in (*COB_RPDO, COB_SDO_REQUEST) or frame.cob_id == COB_NMT):
             to = self._at(node_id) if node_id in self._names else "the nodes"
@@ -187,7 +187,7 @@ class Questions:
             self._put_off(now_s, BusError(f"{self._at(node_id)} {what}"))
 
     def _put_off(self, now_s: float, why: StepTwinError) -> None:
-        """Begin again once the nodes are left alone, unless they have not been for too long."""
+        """Begin again once the nodes are idle; raise an error after too long a wait."""
         assert self._began_s is not None
         if now_s - self._began_s > _PATIENCE_S:
             raise why
@@ -201,7 +201,7 @@ class Questions:
     # --- answers
 
     def _answer(self, now_s: float, asked: _Question, data: bytes) -> None:
-        """Take an answer to a question; look at a node when all is known by which it rests."""
+        """Process an answer to a query; check a node when all values that show its standstill are known."""
         entry = ENTRIES[asked.address]
         told = expedited_value(data, UPLOAD)
         if told is None or len(told.data) != entry.data_type.size:
@@ -222,7 +222,7 @@ class Questions:
             self.standing = self._values
 
     def _look(self, now_s: float, node_id: int, values: NodeValues) -> None:
-        """Refuse a node with an error; wait for one that moves."""
+        """Raise an error for a node with one; wait for one that moves."""
         name, statusword = self._names[node_id], values[od.STATUSWORD]
         try:
             state = State.of(statusword)
@@ -245,7 +245,7 @@ class Questions:
 
 
 def _answers(frame: Frame, asked: _Question) -> bool:
-    """Return whether a response answers a question: with its value, or with an abort."""
+    """Return whether a response answers a query, with its value or with an abort."""
     data = frame.data
     of_node = frame.cob_id == COB_SDO_RESPONSE + asked.node_id and len(data) == SDO_BYTES
     return of_node and named_address(data) == asked.address and data[0] & SPECIFIER in (UPLOAD, ABORT)

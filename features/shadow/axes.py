@@ -14,7 +14,7 @@ from steptwin.protocol.cia402 import Mode, State, Status
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
 JITTER_COUNTS: Final = 2 * COUNTS_PER_MS
-"""Uncertainty of a time stamp, and of the instant at which a PDO that waits for the bus sampled its value."""
+"""Uncertainty of a time stamp, and of the instant when a PDO that waits for the bus sampled its value."""
 TICK_COUNTS: Final = COUNTS_PER_SECOND // 4000
 """One servo tick: a command may act one tick later on one side than on the other."""
 SEGMENT_DELAY_S: Final = 0.016
@@ -30,7 +30,7 @@ STANDSTILL_TOLERANCE_STEPS: Final = 1.0
 STANDSTILL_COUNTS: Final = 150 * COUNTS_PER_MS
 """Time without motion after which an axis counts as at rest; its PDO comes every 100 ms."""
 REPORTED_STANDSTILL_COUNTS: Final = 500 * COUNTS_PER_MS
-"""Time without motion in which an axis has sent its final position twice, even if its twin is late."""
+"""Time at standstill after which an axis has sent its final position at least twice, even with a late twin."""
 LOST_TOLERANCE_UNITS: Final = 2 * 16384
 """Switch positions that differ by at most two full steps, in wire units, are equal; a slipping rotor loses four."""
 _PDO_PERIOD_S: Final = 0.1
@@ -103,7 +103,7 @@ class DriveSide:
         """True if the position was known when the last homing began."""
 
     def take(self, counts: int, told: DriveReport) -> None:
-        """Take the objects of one PDO."""
+        """Process the objects of one PDO."""
         self.mode = told.mode if told.mode is not None else self.mode
         if told.statusword is None:
             return
@@ -117,7 +117,7 @@ class DriveSide:
             self.state, self.since_counts = name, counts
 
     def _home(self, counts: int, statusword: int, *, was_known: bool) -> None:
-        """Note the start and the end of a homing: both bits are 0 while it runs (CiA 402-2, homing mode)."""
+        """Register the start and the end of a homing: both bits are 0 while it runs (CiA 402-2, homing mode)."""
         if self.mode != Mode.HOMING:
             return
         if not statusword & (Status.HOMING_ATTAINED | Status.TARGET_REACHED | Status.HOMING_ERROR):
@@ -129,7 +129,7 @@ class DriveSide:
 
     @property
     def rests(self) -> bool:
-        """True if the statusword says that the drive has finished its position or velocity profile."""
+        """True if the statusword reports the end of the drive's position or velocity profile."""
         if self.mode == Mode.PROFILE_VELOCITY:
             return bool(self.statusword & Status.ZERO_SPEED)
         return self.mode == Mode.PROFILE_POSITION and bool(self.statusword & Status.TARGET_REACHED)
@@ -158,7 +158,7 @@ class ComparedAxis:
     """An axis of the real board and of its twin, and the tolerance of their difference."""
 
     def __init__(self, units_per_step: float) -> None:
-        """Begin without a common position: positions are compared once both sides have stopped at the same one."""
+        """Start without a common position: positions are compared once both sides have stopped at the same one."""
         self.board: DriveSide = DriveSide()
         self.twin: DriveSide = DriveSide()
         self._units_per_step = units_per_step
@@ -171,11 +171,11 @@ class ComparedAxis:
         self._off_times = 0
         self._position_reported = False
         self._moved_counts = 0
-        """Last instant at which the twin moved."""
+        """Last instant when the twin moved."""
         self._compared_at_rest = True
         """True if the positions have been compared at rest since then."""
         self._started_counts = 0
-        """Instant at which the twin started to move."""
+        """Instant when the twin started to move."""
         self._peak_units_per_s = 0
         self._last_units_per_s = 0
         self._varied_units_per_s = 0
@@ -196,7 +196,7 @@ class ComparedAxis:
         self._leg_units_per_s = 0.0
         """The twin's velocity at the end of its homing."""
         self._skipped_homing: int | None = None
-        """Start of the board's homing for whose end on the twin nobody waits."""
+        """Start of a homing of the board whose end on the twin is not awaited."""
 
     # --- states
 
@@ -215,7 +215,7 @@ class ComparedAxis:
     # --- positions
 
     def follow(self, now_counts: int, now: TwinAxis) -> None:
-        """Note the twin's motion, and its position while it searches a switch."""
+        """Register the twin's motion, and its position while it searches a switch."""
         before_units_per_s, self._last_units_per_s = self._last_units_per_s, now.velocity_units_per_s
         if now.velocity_units_per_s:
             pause_counts = STANDSTILL_COUNTS if self.board.mode == Mode.HOMING else 0  # a search has several strokes
@@ -237,19 +237,19 @@ class ComparedAxis:
         self._varied_units_per_s += abs(now.velocity_units_per_s - before_units_per_s)
 
     def command(self, velocity_units_per_s: int) -> None:
-        """Note that a host sends the drive a command; it matters if the twin moves by a profile."""
+        """Register a host's command to the drive; it matters if the twin moves by a profile."""
         self._commanded |= velocity_units_per_s != 0 and self.board.mode in _BY_PROFILE
 
     def lose_time(self) -> None:
-        """Note that the time stamps' clock has stepped during a motion: the sides may be apart by the missed time."""
+        """Register a step of the time stamps' clock during a motion: the sides may differ by the missed time."""
         self._uncertain_s = CLOCK_STEP_UNCERTAINTY_S
 
     def find_time(self) -> None:
-        """Note that the machine was at rest: both sides start the next motion at the same time again."""
+        """Register a standstill of the machine: both sides start the next motion at the same time again."""
         self._uncertain_s = 0.0
 
     def still(self, now_counts: int) -> bool:
-        """Return whether the twin has stood for so long that the board must have sent its final position."""
+        """Return whether the twin has been still for so long that the board must have sent its final position."""
         return now_counts - self._moved_counts >= REPORTED_STANDSTILL_COUNTS
 
     @property

@@ -1,6 +1,6 @@
-"""`steptwin shadow ROBOT --connect ...`: hold a running machine against its twin.
+"""`steptwin shadow ROBOT --connect ...`: compare a running machine with its twin.
 
-It sends nothing, but for the questions of `--join asking` before it begins.
+It sends nothing except the queries of `--join asking` before it begins.
 """
 
 import json
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 from steptwin.host.cli.app import command, end_unless
-from steptwin.host.cli.arguments import RobotName, check_standing, naming_machine_options, run_folder
+from steptwin.host.cli.arguments import RobotName, check_start_positions, naming_machine_options, run_folder
 from steptwin.host.cli.live.connection import LiveOptions
 from steptwin.host.cli.options import Without, naming_options, option, switch
 from steptwin.host.cli.output import say, say_compiling, warn
@@ -32,24 +32,24 @@ if TYPE_CHECKING:
 
 _POLL_S: Final = 0.1
 _BEHIND_US: Final = 200_000
-"""Time by which the twin stays behind this computer's clock while nothing is heard: frames may be on their way."""
+"""Delay of the twin behind this computer's clock in silence: frames may be on their way."""
 _STAMP_S_MAX: Final = 1e12
-"""Stamps beyond this are no time: 30 000 years from 1970."""
+"""Largest valid stamp: 30 000 years from 1970."""
 _STEPS_TOLD: Final = 10
-"""Steps of the stamps' clock that are told: one that steps with each frame would fill the screen."""
+"""Number of clock steps that are printed; a clock that steps with each frame would fill the screen."""
 _WAITS_US: Final = 250_000
-"""Time for which a discrepancy waits for its like on other axes: all are told within a second."""
+"""Wait of a discrepancy for equal ones on other axes; all are printed within a second."""
 _STANDS_US: Final = 1_000_000
-"""Time in which frames come and their stamps' clock stands, after which it is taken for none."""
+"""Time after which a stamps' clock that stands still while frames come counts as none."""
 ASKING: Final = "asking"
-"""The word for `--join` that lets the machine be asked how it stands."""
+"""Word for `--join` that allows queries of the machine."""
 BOARD_LOG: Final = "board.log"
 DISCREPANCIES: Final = "discrepancies.jsonl"
 
 
 @dataclass(frozen=True, slots=True)
 class ShadowOptions:
-    """The options that say from where on, how long, and what is kept."""
+    """Options for start, duration and files of a shadow."""
 
     join: str | None = option(
         "DIR|asking",
@@ -76,7 +76,7 @@ def shadow(
     --json a line for each discrepancy.
     """
     from steptwin.features.shadow.shadow import Shadow
-    from steptwin.features.shadow.standing import joints_told
+    from steptwin.features.shadow.standing import reported_joints
     from steptwin.host.client.links.bus_link import open_bus
     from steptwin.host.twin.live.recording_report import UnplannedRun
     from steptwin.host.twin.machine.kernels import telling_of_compiling
@@ -100,18 +100,18 @@ def shadow(
     since: tuple[int, int] | None = None
     with open_bus(found) as bus:
         if wanted.join == ASKING:
-            standing, since = _asked(bus, found.title, loaded)
-            stood = MachineOptions(stand_at=joints_told(loaded, standing))
+            standing, since = _requested_values(bus, found.title, loaded)
+            stood = MachineOptions(stand_at=reported_joints(loaded, standing))
             twin, run = twin_at(replace(power_up, options=power_up.options.over(stood)))
-            twin.take_standing(standing, *since)
-        joined = _told_joined(twin)
+            twin.set_initial_values(standing, *since)
+        joined = _print_joined(twin)
         try:
             for us, frame, arrived_us in _heard(bus.recv, found.title, wanted.seconds, since):
                 if frame is None:
                     twin.pass_time(us)
                 else:
                     twin.hear(us, frame, arrived_us)
-                joined = joined or _told_joined(twin)
+                joined = joined or _print_joined(twin)
                 if to is not None and frame is not None:
                     kept.append((us, frame))
                 telling.go_on(arrived_us)
@@ -131,14 +131,14 @@ def shadow(
 
 
 class _Telling:
-    """Says what differs, one line for what several axes say for one reason, and what the stamps' clock does."""
+    """Prints discrepancies, one line for equal ones of several axes, and steps of the stamps' clock."""
 
     def __init__(self, *, as_json: bool) -> None:
         self.discrepancies: list[Discrepancy] = []
         self._as_json = as_json
         self._waiting: list[Discrepancy] = []
         self._since_us: int | None = None
-        """When the first of those that wait has come."""
+        """Arrival of the first waiting discrepancy."""
         self._steps = 0
 
     def tell(self, discrepancy: "Discrepancy") -> None:
@@ -161,7 +161,7 @@ class _Telling:
             warn("further steps of the stamps' clock are not told")
 
     def go_on(self, now_us: int) -> None:
-        """Say what has waited for long enough for what belongs to it."""
+        """Print discrepancies that have waited long enough."""
         if not self._waiting:
             self._since_us = None
         elif self._since_us is None:
@@ -179,12 +179,12 @@ class _Telling:
 def _power_up(
     robot: "Robot", machine: MachineOptions, wanted: ShadowOptions
 ) -> "tuple[MachineAtPowerUp, tuple[RecordedFrame, ...]]":
-    """Return how the machine stood at power-up, and what was on its bus since then, of a recording."""
+    """Return the machine's state at power-up, and its frames since then, from a recording."""
     from steptwin.features.replay.power_up import MachineAtPowerUp, stored_machine
     from steptwin.host.record.folder import BUS_LOG
     from steptwin.host.record.recorded_bus import read_bus
 
-    check_standing(robot, machine)
+    check_start_positions(robot, machine)
     folder = None if wanted.join in (None, ASKING) else Path(wanted.join)
     stood = MachineAtPowerUp() if folder is None else stored_machine(folder, robot).power_up
     options = machine.over(stood.options)
@@ -195,10 +195,12 @@ def _power_up(
     return replace(stood, options=options, commissioned=stood.commissioned and not wanted.new_board), before
 
 
-def _asked(bus: "can.BusABC", title: str, robot: "Robot") -> "tuple[Mapping[int, NodeValues], tuple[int, int]]":
-    """Ask the machine how it stands; return that, and of the last answer the stamp and when it came, in us.
+def _requested_values(
+    bus: "can.BusABC", title: str, robot: "Robot"
+) -> "tuple[Mapping[int, NodeValues], tuple[int, int]]":
+    """Request the machine's state; return it, and the stamp and the arrival of the last answer, in us.
 
-    Here alone is something sent: what `Questions` returns.
+    Only this function sends frames: those of `Questions`.
     """
     import can
 
@@ -224,10 +226,10 @@ def _heard(
     seconds: float | None,
     since: tuple[int, int] | None = None,
 ) -> "Iterator[tuple[int, Frame | None, int]]":
-    """Yield frames with their stamps as they come; None, and the time by their clock, while none comes; all in us.
+    """Yield frames with their stamps as they arrive; in silence, None and the time by their clock; all in us.
 
-    That is 0 before the first one, which tells their clock; `since` are stamp and arrival of one that has come before.
-    The last value is the time by a clock that is never set.
+    That time is 0 before the first frame, which determines their clock; `since` are stamp and arrival of an earlier
+    frame. The last value is the time by a clock that is never set.
     """
     from steptwin.host.client.links.bus_link import bus_errors
     from steptwin.protocol.frame import Frame
@@ -248,12 +250,12 @@ def _heard(
 
 
 class _Stamps:
-    """The stamps of frames; an interface that gives none, or always the same, gets those of this computer."""
+    """Stamps of frames; this computer's clock replaces stamps of an interface that gives none, or always the same."""
 
     def __init__(self) -> None:
         self._stamp_s = 0.0
         self._since_us: int | None = None
-        """When the first frame with that stamp has come."""
+        """Arrival of the first frame with that stamp."""
         self._told = False
 
     def of(self, stamp_s: float, arrived_us: int) -> int:
@@ -270,8 +272,8 @@ class _Stamps:
         return round(1e6 * self._stamp_s) + stands_us
 
 
-def _told_joined(twin: "Shadow") -> bool:
-    """Say so if the twin knows how the machine stands; return whether it does."""
+def _print_joined(twin: "Shadow") -> bool:
+    """Print a line if the twin knows the machine's state; return whether it does."""
     if twin.joined:
         say("joined: the twin goes along with the machine", err=True)
     return twin.joined
@@ -280,7 +282,7 @@ def _told_joined(twin: "Shadow") -> bool:
 def _keep(
     run: "UnplannedRun", folder: Path, frames: "list[tuple[int, Frame]]", discrepancies: "list[Discrepancy]"
 ) -> None:
-    """Write the twin's run, what was heard, as candump -L does, and what was told."""
+    """Write the twin's run, the received frames as candump -L does, and the discrepancies."""
     with naming_options("out"):
         run.save(folder)
     lines = [f"({us / 1e6:.6f}) can0 {frame.cob_id:03X}#{frame.data.hex().upper()}\n" for us, frame in frames]
@@ -290,7 +292,7 @@ def _keep(
 
 
 def _sum_up(live: LiveOptions, twin: "Shadow", discrepancies: "list[Discrepancy]") -> None:
-    """Say what was heard, and how many discrepancies there were."""
+    """Print the numbers of frames and discrepancies."""
     if live.as_json:
         say(json.dumps({"joined": twin.joined, "board_frames": twin.frames, "discrepancies": len(discrepancies)}))
     elif not twin.joined:

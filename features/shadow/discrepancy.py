@@ -1,6 +1,6 @@
-"""What a real board does otherwise than its twin.
+"""Differences between a real board and its twin.
 
-What nodes say once, boot-ups, answers to requests and errors, is compared here, each in its order.
+Messages that nodes send once, boot-ups, answers to requests and errors, are compared here, each in order.
 """
 
 from collections import deque
@@ -16,11 +16,11 @@ from steptwin.protocol.sdo_frames import OBJECT, named_address
 from steptwin.protocol.timer import COUNTS_PER_MS
 
 SETTLED_COUNTS: Final = 50 * COUNTS_PER_MS
-"""Time by which one side may be later than the other: a passing state is told by a PDO or not, within 20 ms."""
+"""Largest delay of one side: a PDO reports a short state or not, within 20 ms."""
 
 
 class DiscrepancyKind(StrEnum):
-    """What differs."""
+    """Kind of a difference."""
 
     BOOT_UP = "boot-up"
     ANSWER = "answer"
@@ -32,15 +32,15 @@ class DiscrepancyKind(StrEnum):
 
 
 class Discrepancy(NamedTuple):
-    """Something that the real board does otherwise.
+    """A difference between the real board and its twin.
 
     Attributes:
         at_s: time by the clock of the frames' stamps, in s.
         axis: name of the axis.
-        kind: what differs.
-        board: what the real board says.
-        twin: what the twin says.
-        error_steps: by how many steps of the robot's file the board is ahead of the twin; None if no position differs.
+        kind: kind of the difference.
+        board: message or value of the real board.
+        twin: message or value of the twin.
+        error_steps: board's position minus the twin's, in steps of the robot's file; None if no position differs.
     """
 
     at_s: float
@@ -66,23 +66,23 @@ class Discrepancy(NamedTuple):
 
 
 _DATED_S: Final = 100_000_000.0
-"""Stamps from here on are of a clock that counts from 1970; those before count from a start of their own."""
+"""Least stamp of a clock that counts from 1970; others count from a start of their own."""
 _TOGETHER_S: Final = 0.3
-"""Time within which several axes say the same for one reason."""
+"""Time span of equal discrepancies of several axes with one cause."""
 
 
 def time_text(at_s: float) -> str:
-    """Return a time by the stamps' clock: date and local time of day, or seconds if that clock knows no date."""
+    """Return a time by the stamps' clock as text: date and local time, or seconds if that clock has no date."""
     if at_s >= _DATED_S:
         try:
             return datetime.fromtimestamp(at_s).isoformat(" ", "milliseconds")
-        except (ValueError, OverflowError, OSError):  # a year that no calendar has
+        except (ValueError, OverflowError, OSError):  # a year beyond the calendar
             pass
     return f"{at_s:.3f} s"
 
 
 def grouped(discrepancies: Iterable[Discrepancy]) -> list[str]:
-    """Return the lines that tell discrepancies, one for what several axes say at about the same time."""
+    """Return the lines for discrepancies, one for equal ones of several axes at about the same time."""
     first: list[Discrepancy] = []
     others: list[list[str]] = []
     for each in discrepancies:
@@ -97,7 +97,7 @@ def grouped(discrepancies: Iterable[Discrepancy]) -> list[str]:
 
 
 def _like(each: Discrepancy) -> tuple[DiscrepancyKind, list[str], list[str]]:
-    """Return what a discrepancy says, without its axis."""
+    """Return the content of a discrepancy without its axis."""
     board, twin = ([word for word in text.split() if word != each.axis] for text in (each.board, each.twin))
     return each.kind, board, twin
 
@@ -107,12 +107,12 @@ KINDS: Final[Mapping[int, DiscrepancyKind]] = {
     COB_SDO_RESPONSE: DiscrepancyKind.ANSWER,
     COB_EMCY: DiscrepancyKind.ERROR,
 }
-"""The services by which a node says something once."""
+"""Services with messages that nodes send once."""
 """An answer's command, index and sub-index."""
 
 
 class _Saying(NamedTuple):
-    """Something said: its instant in counts, what of it is compared, the frame."""
+    """A message: its instant in counts, the content to compare, the frame."""
 
     counts: int
     key: bytes | str
@@ -120,17 +120,17 @@ class _Saying(NamedTuple):
 
 
 class Sayings:
-    """What the nodes of one service and identifier say, on both sides, and has not found its like yet."""
+    """Messages of one service and identifier on both sides that have no counterpart yet."""
 
     def __init__(self, decoder: Decoder) -> None:
         self._decoder = decoder
         self.past: Collection[int] = ()
-        """Entries whose values are not compared, since they tell of a time that the twin has not heard."""
+        """Entries that are not compared, since their values come from before the twin's start."""
         self._board: dict[int, deque[_Saying]] = {}
         self._twin: dict[int, deque[_Saying]] = {}
 
     def hear(self, counts: int, frame: Frame, *, of_board: bool) -> None:
-        """Take a frame of the real board or of the twin, in the order of each side."""
+        """Add a message of the real board or of the twin, in the order of each side."""
         base = frame.cob_id & ~NODE_ID_MAX
         if base not in KINDS:
             return
@@ -142,7 +142,7 @@ class Sayings:
             side.setdefault(frame.cob_id, deque()).append(_Saying(counts, key, frame))
 
     def differing(self, now_counts: int) -> Iterator[tuple[int, int, DiscrepancyKind, str, str]]:
-        """Yield instant, node id, kind, the board's and the twin's words of each saying without its like so far."""
+        """Yield instant, node id, kind, and the texts of board and twin for each message without a counterpart."""
         for cob_id in [*self._board, *(set(self._twin) - set(self._board))]:
             board, twin = (side.setdefault(cob_id, deque()) for side in (self._board, self._twin))
             while board or twin:
@@ -162,12 +162,12 @@ class Sayings:
 
 
 def _address(data: bytes) -> int:
-    """Return the address of the entry that an answer names."""
+    """Return the address of an answer's entry."""
     return named_address(data) if len(data) >= OBJECT.stop else 0
 
 
 def _without_like(board: deque[_Saying], twin: deque[_Saying]) -> tuple[_Saying | None, _Saying | None]:
-    """Take the first saying of the side that says more, or of both sides if each says something of its own."""
+    """Return the first message of the side with more messages, or of both sides if each has one of its own."""
     if not twin or (board and twin[0].key in {saying.key for saying in board}):
         return board.popleft(), None
     if not board or board[0].key in {saying.key for saying in twin}:

@@ -1,7 +1,7 @@
 """Play the hosts' frames of a running machine to a twin, by their time stamps, and compare both.
 
-The twin is driven by the stamps, not by this computer's clock: how late frames arrive here does not matter. Where the
-stamps' clock steps, the twin goes on from where it is. A shadow has no way to send: it takes frames, and tells
+The stamps drive the twin, not this computer's clock, so late arrival of frames does not matter. After a step of the
+stamps' clock, the twin continues from its present state. A shadow cannot send: it receives frames, and reports
 discrepancies.
 """
 
@@ -54,7 +54,7 @@ _JITTER_COUNTS: Final = 10 * COUNTS_PER_MS
 _REST_AHEAD_COUNTS: Final = 20 * COUNTS_PER_MS
 """Longest delay of the twin's stop: one segment of a profile, and jitter."""
 _AHEAD_MAX_COUNTS: Final = 120 * COUNTS_PER_SECOND
-"""Longest time ahead in which a twin that stood farther from its switch may search it."""
+"""Longest time ahead for a twin farther from its switch to find it."""
 
 
 class ClockStep(NamedTuple):
@@ -114,7 +114,7 @@ class Shadow:
         self._player: WallClockPlayer | None = None
         self._looked_counts = 0
         self._watched: dict[int, Frame] = {}
-        """The last heartbeat of each host."""
+        """Last heartbeat of each host."""
         self.frames: int = 0
         self.caught_up_s: float = 0.0
         self.clock_steps: int = 0
@@ -124,11 +124,11 @@ class Shadow:
 
     @property
     def joined(self) -> bool:
-        """True once the machine's start was heard."""
+        """True once the machine's start was received."""
         return self._player is not None
 
     def take_recording(self, frames: Iterable[RecordedFrame]) -> None:
-        """Take all frames on the bus from power-up until now; the next frame that is heard must follow at once.
+        """Process all frames on the bus from power-up until now; the next frame must follow at once.
 
         Discrepancies in the recording are not reported.
         """
@@ -141,7 +141,7 @@ class Shadow:
         self._muted = False
         self._clock.end_recording(last_us)
 
-    def take_standing(self, standing: Mapping[int, NodeValues], us: int, arrived_us: int | None = None) -> None:
+    def set_initial_values(self, standing: Mapping[int, NodeValues], us: int, arrived_us: int | None = None) -> None:
         """Start from the values that the nodes of a machine at rest have reported.
 
         Args:
@@ -163,7 +163,7 @@ class Shadow:
         self._player = WallClockPlayer(simulation, simulation.now_counts - us * COUNTS_PER_US)
 
     def hear(self, us: int, frame: Frame, arrived_us: int | None = None) -> None:
-        """Take the next frame on the machine's bus.
+        """Process the next frame on the machine's bus.
 
         A stamp counts as a step of the time stamps' clock, which is reported, if it goes back, if it is further ahead
         than `arrived_us` allows, or, without `arrived_us`, if it follows a longer silence than a machine has. Call
@@ -172,7 +172,7 @@ class Shadow:
         Args:
             us: its stamp in microseconds, when it became valid.
             frame: the frame.
-            arrived_us: its arrival here by a clock that is never set, in microseconds.
+            arrived_us: its arrival here in microseconds, by a clock that is never set.
         """
         own_us = self._clock.hear(us, arrived_us, moving=self._twin_moves)
         if self._clock.step_us and self._player is not None:
@@ -185,7 +185,7 @@ class Shadow:
         self._hear(own_us, frame)
 
     def _hear(self, us: int, frame: Frame) -> None:
-        """Take the next frame; its time never steps."""
+        """Process the next frame by a time that never steps."""
         sender = self._identifiers.sender_of(frame) or Sender.HOST
         if self._player is None:
             if sender is not Sender.BOARD or not _is_boot_up(frame):
@@ -219,7 +219,7 @@ class Shadow:
 
     @property
     def _dictionaries(self) -> list[ObjectDictionary]:
-        """The twin's objects, by axis; a reset makes new ones."""
+        """Objects of the twin by axis; a reset creates new ones."""
         boards = self.machine.simulation.boards
         return [node.dictionary for board in boards for node in board.own.firmware.nodes]
 
@@ -252,7 +252,7 @@ class Shadow:
             self._take(counts, frame, of_board=False)
 
     def _take(self, counts: int, frame: Frame, *, of_board: bool) -> None:
-        """Take a frame of a node on one of the sides."""
+        """Process a frame of a node on one of the sides."""
         self._sayings.hear(counts, frame, of_board=of_board)
         axis = (frame.cob_id & NODE_ID_MAX) - FIRST_NODE_ID
         base = frame.cob_id & ~NODE_ID_MAX
@@ -274,7 +274,7 @@ class Shadow:
                 self._say(counts, axis, *difference)
 
     def _look(self, us: int) -> None:
-        """Report what has differed for long enough; let the twin find a switch that the board has found."""
+        """Report lasting differences; let the twin find a switch that the board has found."""
         assert self._player is not None
         now_counts = self._player.counts_of(us)
         if now_counts - self._looked_counts < _LOOK_COUNTS:
@@ -360,7 +360,7 @@ class Shadow:
 
 
 def _forget(_frame: Frame, _counts: int) -> None:
-    """Keep no frame."""
+    """Do not keep the frame."""
 
 
 def _gives(frame: Frame) -> bool:

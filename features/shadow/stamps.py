@@ -1,35 +1,35 @@
-"""Make a time that never steps of the stamps of frames, whose clock may be set, restarted, or stand.
+"""Calculate a time without steps from the stamps of frames; their clock may be set, restarted, or stop.
 
-No clock is read here. What the stamps say is held against the times at which the frames came, by a clock that is never
-set, where the caller knows them. A frame may come late, but not before it was stamped: a stamp that is ahead of all
-others by that clock tells of a step.
+No clock is read here. The stamps are compared with the frames' arrivals, by a clock that is never set, if the caller
+knows them. A frame may arrive late, but not before its stamp. So a stamp that is ahead of all others by that clock
+reveals a step.
 """
 
 from typing import Final
 
 BACK_US: Final = 20_000
-"""Time by which a stamp may be before the last one: several programs on a bus may stamp frames late."""
+"""Largest step back of a stamp that is not a step: several programs on a bus may stamp frames late."""
 SILENCE_US: Final = 1_000_000
-"""Silence of a machine at rest that the stamps alone tell."""
+"""Longest silence of a machine at rest, if only stamps are known."""
 MOVING_SILENCE_US: Final = 250_000
-"""Silence of a machine that moves: its board sends a PDO each 100 ms."""
+"""Longest silence of a moving machine: its board sends a PDO each 100 ms."""
 AHEAD_US: Final = 20_000
-"""Time by which a stamp may be ahead of the others by the caller's clock."""
+"""Largest lead of a stamp over the others by the caller's clock."""
 PACED_US: Final = 500_000
-"""Time for which frames have to come as they are stamped before the caller's clock is relied on."""
+"""Time for which frames must arrive as stamped before the caller's clock is used."""
 FOLLOWS_US: Final = 10_000
-"""Time from a frame to the next one where no clock tells it."""
+"""Assumed time between two frames if no clock is known."""
 DRIFT: Final = 500e-6
-"""Most by which two clocks drift apart, in parts of the time: a clock that is being corrected."""
+"""Largest relative drift of two clocks: a clock that is being corrected."""
 
 
 class StampClock:
-    """The time of the frames.
+    """Time of the frames.
 
     Attributes:
-        shift_us: added to a stamp, it gives the time; None until the next frame tells it.
-        now_us: the time up to which all is known.
-        step_us: by how much the last stamp has stepped, 0 if it has not.
+        shift_us: difference of the time to a stamp; None until the next frame determines it.
+        now_us: time up to which everything is known.
+        step_us: step of the last stamp; 0 if it has not stepped.
     """
 
     def __init__(self) -> None:
@@ -39,34 +39,34 @@ class StampClock:
         self._last_us: int | None = None
         """The last stamp."""
         self._arrived_us: int | None = None
-        """When that frame came."""
+        """Arrival of that frame."""
         self._highest_us = 0.0
-        """The stamp that was farthest ahead of its coming, less the time at which it came."""
+        """Largest lead of a stamp: stamp minus arrival."""
         self._paced_since_us, self._paced_us = 0, 0.0
-        """Since when frames have come as they are stamped, and how far ahead the first of them was."""
+        """Time since when frames have arrived as stamped, and the lead of the first of them."""
 
     def begin(self, us: int, arrived_us: int | None) -> None:
-        """Begin with a stamp, and when its frame came."""
+        """Start with a stamp, and the arrival of its frame."""
         self.now_us, self.shift_us = us, 0
         self._note(us, arrived_us, None)
 
     def end_recording(self, now_us: int) -> None:
-        """Let the next frame follow a recording that has ended at a time: its stamps may be of another clock."""
+        """End a recording at a time: stamps of the next frame may be of another clock."""
         self.now_us, self._last_us, self.shift_us = now_us, None, None
 
     def pass_time(self, us: int) -> int | None:
-        """Return the time of an instant by the stamps' clock; None if that is not known yet."""
+        """Return the time of an instant by the stamps' clock; None if it is unknown."""
         if self.shift_us is None:
             return None
         self.now_us = max(self.now_us, us + self.shift_us)
         return us + self.shift_us
 
     def hear(self, us: int, arrived_us: int | None, *, moving: bool) -> int:
-        """Return the time of the next frame; note if its stamp has stepped.
+        """Return the time of the next frame; register a step of its stamp.
 
         Args:
             us: its stamp, in microseconds.
-            arrived_us: when it came, by a clock that is never set; None if that is not known.
+            arrived_us: its arrival by a clock that is never set; None if unknown.
             moving: True if the machine moves.
         """
         passed_us = None if arrived_us is None or self._arrived_us is None else arrived_us - self._arrived_us
@@ -83,7 +83,7 @@ class StampClock:
         return now_us
 
     def _step_us(self, us: int, last_us: int, passed_us: int | None, *, moving: bool) -> int:
-        """Return by how much a stamp is beside the one that the time since the last frame would give; 0 for no step."""
+        """Return the step of a stamp against the time since the last frame; 0 for no step."""
         assert self.shift_us is not None
         rise_us, known_us = us - last_us, self.now_us - self.shift_us
         back = rise_us < -BACK_US or us < known_us - SILENCE_US
@@ -93,7 +93,7 @@ class StampClock:
         return us - due_us
 
     def _ahead(self, us: int, known_us: int, passed_us: int | None, *, moving: bool) -> bool:
-        """Return whether a stamp is of a time that has not come yet."""
+        """Return whether a stamp is in the future."""
         silence_us = MOVING_SILENCE_US if moving else SILENCE_US
         if passed_us is None or self._arrived_us is None or self._last_us is None:
             return us - known_us > silence_us
@@ -103,7 +103,7 @@ class StampClock:
         return min(rise_us - passed_us, ahead_us) > limit_us
 
     def _note(self, us: int, arrived_us: int | None, passed_us: int | None) -> None:
-        """Note how stamps and arrivals are to each other."""
+        """Register the relation of stamps and arrivals."""
         self._last_us = us
         if arrived_us is None:
             return

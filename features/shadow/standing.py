@@ -1,7 +1,7 @@
-"""Let a twin stand as a running machine has told that it stands, by frames such as a host leads it there with.
+"""Bring a twin to the reported state of a running machine, by a host's frames on the twin's own bus.
 
-They go to the twin's own bus. What no frame sets, and hosts go on from, is set in the firmware: the number of the last
-fault, and that of the next PVT record.
+State that no frame can set, but that hosts rely on, is set in the firmware: the numbers of the last fault and of the
+next PVT record.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -29,9 +29,9 @@ _ANSWERED_COUNTS: Final = 4 * COUNTS_PER_MS
 """Time for a request and its answer, at the slowest bit rate."""
 _SETTLED_COUNTS: Final = (od.SETTLING_US_MAX // 1000 + 100) * COUNTS_PER_MS
 _PASSES: Final = 3
-"""Times that the settings are written: some are refused as long as others are not."""
+"""Number of passes over the settings: some are refused until others are written."""
 _LED: Final = frozenset((od.CONTROLWORD, od.MODE_OF_OPERATION, od.CHARGE_TOKEN))
-"""What leads the drive, and is written last, in its order."""
+"""Entries that command the drive; they are written last, in order."""
 _BY_STATE: Final[Mapping[State, tuple[int, ...]]] = {
     State.SWITCH_ON_DISABLED: (),
     State.READY_TO_SWITCH_ON: (SHUTDOWN,),
@@ -39,7 +39,7 @@ _BY_STATE: Final[Mapping[State, tuple[int, ...]]] = {
     State.OPERATION_ENABLED: (SHUTDOWN, SWITCH_ON, ENABLE_OPERATION),
     State.QUICK_STOP_ACTIVE: (SHUTDOWN, SWITCH_ON, ENABLE_OPERATION, QUICK_STOP),
 }
-"""The controlwords that lead to each state from power-up."""
+"""Controlwords from power-up to each state."""
 PAST: Final = frozenset(
     (
         od.ERROR_HISTORY_COUNT,
@@ -50,11 +50,11 @@ PAST: Final = frozenset(
         od.TIME_STAMP,
     )
 )
-"""Entries that tell of a time before the joining: the twin has other values."""
+"""Entries with history from before the joining; the twin has other values."""
 
 
 class TwinNode:
-    """One node of the twin, on its way to stand as the machine's does."""
+    """One node of the twin, on its way to the state of the machine's node."""
 
     def __init__(self, simulation: Simulation, node: AxisNode, name: str, values: NodeValues) -> None:
         self._simulation = simulation
@@ -62,14 +62,14 @@ class TwinNode:
         self._name = name
         self._values = values
         self.sent: list[Frame] = []
-        """What was sent to it."""
+        """Frames sent to it."""
 
     @property
     def _state(self) -> State:
         return State.of(self._node.dictionary.get(od.STATUSWORD))
 
     def stand(self) -> None:
-        """Lead the node to where the machine's stands."""
+        """Bring the node to the state of the machine's node."""
         values = self._values
         self._preset()
         self._settle()
@@ -87,12 +87,12 @@ class TwinNode:
             drive.interpolation.close()
 
     def begin(self) -> None:
-        """Let the node exchange process data if the machine's does, and give it to the program in charge.
+        """Start process data if the machine's node has them, and claim the node for the program with the lease.
 
-        A program is forgotten within a second, unless its heartbeat is heard: so this is last, for all nodes.
+        A lease ends within a second without its heartbeat, so this comes last, for all nodes.
 
         Raises:
-            InputError: the node has not taken a value; the first one is named.
+            InputError: the node has refused a value; the first one is named.
         """
         values, get = self._values, self._node.dictionary.get
         if values[od.STATUSWORD] & Status.REMOTE:
@@ -103,7 +103,7 @@ class TwinNode:
             self._check(get(address) == values[address], address)
 
     def _preset(self) -> None:
-        """Set the position; a homing of the standing axis does."""
+        """Set the position by a homing of the axis at standstill."""
         values = self._values
         if values[od.ROBOT_NAME_CRC] == NO_NAME:
             self._node.dictionary.write(od.ROBOT_NAME, b"")
@@ -167,8 +167,8 @@ class TwinNode:
             )
 
 
-def joints_told(robot: Robot, standing: Mapping[int, NodeValues]) -> dict[str, float]:
-    """Return where each joint stands in mm and degrees, by name, as far as the positions of its axes are known."""
+def reported_joints(robot: Robot, standing: Mapping[int, NodeValues]) -> dict[str, float]:
+    """Return the position of each joint in mm and degrees, by name, if the positions of its axes are known."""
     values = [standing[node_id] for node_id in range(FIRST_NODE_ID, FIRST_NODE_ID + len(robot.axes))]
     positions = robot.to_positions(np.array([each[od.POSITION_DEMAND] for each in values])).tolist()
     known = [bool(each[od.STATUSWORD] & Status.POSITION_KNOWN) for each in values]
@@ -180,10 +180,10 @@ def joints_told(robot: Robot, standing: Mapping[int, NodeValues]) -> dict[str, f
 
 
 def stand(simulation: Simulation, names: Mapping[int, str], standing: Mapping[int, NodeValues]) -> Iterator[Frame]:
-    """Let a twin that has booted stand as its machine; yield the frames that led it there.
+    """Bring a booted twin to the state of its machine; yield the frames sent.
 
     Raises:
-        InputError: a node of the twin does not take a value, which is named.
+        InputError: a node of the twin refuses a value, which is named.
     """
     firmware = (node for board in simulation.boards for node in board.own.firmware.nodes)
     nodes = [

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from steptwin.host.common.features import Feature, FeatureJudge
 
@@ -38,10 +38,10 @@ def _robot_tables(robot: str) -> str:
     return path.read_text(encoding="utf-8") if path.is_file() else ""
 
 
-def _slots(table: "Table", key: str) -> tuple[str, ...]:
-    from steptwin.features.shelf.section import read_slots
+def _program_keys() -> Mapping[str, Any]:
+    from pydantic import Field
 
-    return read_slots(table.elements(key))
+    return {"leaves_open": Annotated[tuple[str, ...], Field(description="slots whose drawers stay open at the end")]}
 
 
 def _check_slots(robot: "Robot", _: str, slots: Sequence[str]) -> None:
@@ -51,8 +51,7 @@ def _check_slots(robot: "Robot", _: str, slots: Sequence[str]) -> None:
 
 
 def _jobs() -> "Mapping[str, Sequence[Job[Any]]]":
-    from steptwin.features.shelf.jobs import DRAWER_PULL, EVERY_SLOT, FETCH, STORE
-    from steptwin.features.shelf.parts import CARRY_PARTS
+    from steptwin.features.shelf.jobs import CARRY_PARTS, DRAWER_PULL, EVERY_SLOT, FETCH, STORE
     from steptwin.host.planning.jobs import carry, pull_line
 
     return {pull_line.KIND: (DRAWER_PULL, STORE, FETCH, EVERY_SLOT), carry.KIND: (CARRY_PARTS,)}
@@ -67,8 +66,7 @@ def _job_extra(_: "Robot", intent: Any) -> "ShelfOptions | None":
 
 
 def _check_robot(robot: "Robot") -> Iterable[str]:
-    from steptwin.features.shelf.jobs import missed_places
-    from steptwin.features.shelf.parts import missed_presets
+    from steptwin.features.shelf.jobs import missed_places, missed_presets
 
     return [*missed_places(robot), *missed_presets(robot)]
 
@@ -140,7 +138,7 @@ FEATURE: Final = Feature(
     name=NAME,
     section=_section,
     robot_tables=_robot_tables,
-    program_keys={"leaves_open": _slots},
+    program_keys=_program_keys,
     check_program=_check_slots,
     jobs=_jobs,
     job_extra=_job_extra,

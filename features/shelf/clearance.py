@@ -1,9 +1,8 @@
-"""Check that the arm keeps clear of boxes on a way that is straight in joint space, everywhere on it.
+"""Check that the arm keeps clear of boxes on a straight move in joint space.
 
-The arm's parts are capsules: the lines of the links with half a thickness around them. A way is followed by the
-distance that is free: no point of the arm moves further, per part of the way, than the levers of the joints allow, so
-the arm can go on by the distance to the nearest box before it must be looked at again. So nothing is passed over
-between two looks, however thin it is.
+The arm's parts are capsules: the lines of the links with half a thickness around them. The levers of the joints bound
+the motion of any point of the arm. So the arm can advance until that bound equals the distance to the nearest box, and
+is then examined again. No contact between two examinations is missed, however thin the box is.
 
 Source of the method: B. Mirtich, "Impulse-based dynamic simulation of rigid body systems", 1996, section 2.3.2,
 conservative advancement.
@@ -26,24 +25,24 @@ from steptwin.host.robots.kinematics.links import solid_parts
 from steptwin.host.robots.robot import Robot
 
 MARGIN_MM: Final = 1.0
-"""Distance that must remain free: above the error of ramps in whole milliseconds, and the least progress of a look."""
+"""Distance that must remain free: above the error of ramps in whole milliseconds, and the least advance of a step."""
 
 _NUDGE: Final = 1e-4
-"""Part of the way by which a joint is moved alone, to see which one brings the arm to a box."""
+"""Fraction of the travel by which each joint moves alone to find the joint that brings the arm to a box."""
 
 
 @dataclass(frozen=True, slots=True)
 class TooNear:
-    """The first place of a way where the arm comes too near to a box.
+    """First place of a move where the arm comes too near to a box.
 
     Attributes:
         part_of_way: from 0 at the start to 1 at the goal.
-        joint: name of the joint that moves the arm there most; at the start itself as well.
+        joint: name of the joint that moves the arm there most; even at the start itself.
         position: position of that joint.
         unit: its unit.
-        link: the arm's part.
+        link: part of the arm.
         box: name of the box.
-        at_mm: the point of the part's middle line that is nearest to the box, x, y and z.
+        at_mm: x, y and z of the point on the part's middle line that is nearest to the box.
     """
 
     part_of_way: float
@@ -57,7 +56,7 @@ class TooNear:
 
 @dataclass(frozen=True, slots=True)
 class _Nearest:
-    """The pair of part and box that is nearest: names, distance of the surfaces, and place on the part's line."""
+    """The nearest pair of part and box: names, distance of the surfaces, and place on the part's line."""
 
     free_mm: float
     link: str
@@ -67,18 +66,18 @@ class _Nearest:
 
 
 def obstacles_of(robot: Robot) -> dict[str, Box]:
-    """Return the boxes that the arm must keep clear of, by name: those of the robot's shelf."""
+    """Return the boxes on the robot's shelf that the arm must keep clear of, by name."""
     shelf = shelf_of(robot)
     return {name: robot.boxes[name] for name in shelf.obstacles} if shelf else {}
 
 
 def first_contact(robot: Robot, start: Sequence[float], goal: Sequence[float]) -> TooNear | None:
-    """Return where the arm first comes nearer than MARGIN_MM to an obstacle of its shelf; None for a way that is clear.
+    """Return the first place where the arm comes nearer than MARGIN_MM to an obstacle of its shelf; None without one.
 
-    Joint positions are in mm and degrees; between them the way is straight in joint space.
+    Joint positions are in mm and degrees; the move between them is straight in joint space.
 
     Raises:
-        InputError: the robot has obstacles but a mechanism whose parts are not known well enough.
+        InputError: the robot has obstacles, but the shape of its arm is not known well enough.
     """
     obstacles = obstacles_of(robot)
     if not obstacles:
@@ -98,11 +97,11 @@ def first_contact(robot: Robot, start: Sequence[float], goal: Sequence[float]) -
 
 
 def check_travel(robot: Robot, start: Sequence[float], goal: Sequence[float]) -> None:
-    """Raise InputError, with place, instant and what is clear, if a way as of `first_contact` is not; raises as it."""
+    """Raise InputError, with place and remedy, if a move is not clear; otherwise as `first_contact`."""
     contact = first_contact(robot, start, goal)
     if contact is None:
         return
-    first = ways_around(robot, start, goal)
+    first = clear_orders(robot, start, goal)
     clear = f"moving {first} first, then the others, is clear" if first else "move the arm away from the shelf first"
     x_mm, y_mm, z_mm = contact.at_mm
     part = contact.part_of_way
@@ -120,7 +119,7 @@ class _Arm:
     Attributes:
         kinematics: the mechanism.
         obstacles: the boxes, by name.
-        radius_mm: half the thickness of the arm's parts.
+        levers_mm: shape (joints,), largest motion of any point of the arm for a mm or a degree of each joint.
         levers_mm: shape (joints,), greatest way of any point of the arm for a mm or a degree of each joint.
     """
 
@@ -141,7 +140,7 @@ class _Arm:
         return [(link.name, link.points_mm[0]) for link in solid_parts(self.kinematics, joints[np.newaxis])]
 
     def nearest(self, joints: FloatArray) -> _Nearest:
-        """Return the pair of part and box that is nearest at joints of shape (joints,)."""
+        """Return the nearest pair of part and box at joints of shape (joints,)."""
         found = []
         for link, points_mm in self._pieces_mm(joints):
             for piece in range(len(points_mm) - 1):
@@ -152,7 +151,7 @@ class _Arm:
         return min(found, key=lambda each: each.free_mm)
 
     def contact(self, robot: Robot, nearest: _Nearest, begin: FloatArray, way: FloatArray, part: float) -> TooNear:
-        """Return a contact with the joint whose own motion moves the place of contact most."""
+        """Return a contact with the joint that moves the place of contact most."""
         joints = begin + part * way
         at_mm = self._point_mm(joints, nearest)
         moved_mm = [
@@ -170,8 +169,8 @@ class _Arm:
         return np.asarray(first_mm + nearest.along * (second_mm - first_mm))
 
 
-def ways_around(robot: Robot, start: Sequence[float], goal: Sequence[float]) -> str:
-    """Return which joints to move first so that the way is clear, as in `sx sz first`; empty if neither order is."""
+def clear_orders(robot: Robot, start: Sequence[float], goal: Sequence[float]) -> str:
+    """Return the joints to move first for a clear move, as in `sx sz first`; empty if neither order is clear."""
     slides = {column for column, _ in make_kinematics(robot).slides}
     if not slides:
         return ""

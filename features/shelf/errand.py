@@ -1,4 +1,4 @@
-"""The plan of a motion for the boxes of a shelf: which it carries from where to where."""
+"""Errand: the boxes of a shelf that a motion carries, and their places."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -14,11 +14,11 @@ from steptwin.host.planning.trajectory import Trajectory, expected_of
 from steptwin.host.robots.robot import Robot
 
 A_BOX: Final = "box"
-"""Name of a box to which the user gave none."""
+"""Name of a box without a name from the user."""
 
 
 class Carry(NamedTuple):
-    """A box is carried from a slot or a spot to another."""
+    """Transport of a box from a slot or spot to another."""
 
     source: str
     target: str
@@ -26,11 +26,11 @@ class Carry(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Errand:
-    """Boxes of a shelf, and what is done with them.
+    """Boxes of a shelf and their transports.
 
     Attributes:
-        stock: the box in each slot and at each spot that has one before the motion.
-        carries: what is carried, in order.
+        stock: box of each occupied slot and spot before the motion.
+        carries: transports in order.
     """
 
     stock: Mapping[str, str]
@@ -38,7 +38,7 @@ class Errand:
 
     @classmethod
     def alone(cls, carries: tuple[Carry, ...], box: str = A_BOX) -> "Errand":
-        """Return the errand in a shelf with a box at each place that it takes from before it fills it, and no other."""
+        """Return the errand with a box only at each place that is emptied before it is filled."""
         stock, filled = dict[str, str](), set[str]()
         for source, target in carries:
             if source not in filled:
@@ -47,10 +47,10 @@ class Errand:
         return cls(stock, carries)
 
     def stock_after(self, shelf: Shelf) -> dict[str, str]:
-        """Return the box in each slot and at each spot after the motion.
+        """Return the box of each occupied slot and spot after the motion.
 
         Raises:
-            InputError: a box is to be taken where none is, or put where one is already.
+            InputError: a place to be emptied has no box, or a place to be filled has one.
         """
         stock = dict(self.stock)
         for source, target in self.carries:
@@ -64,7 +64,7 @@ class Errand:
         return stock
 
     def planned(self, shelf: Shelf) -> "PlannedStock":
-        """Return what the motion leaves in all slots, and at the spots that neither feed boxes nor clear them away."""
+        """Return the planned contents of all slots, and of the spots that neither feed boxes nor clear them away."""
         spots = (name for name in shelf.spots if not (_feeds(shelf, name) or _clears(shelf, name)))
         cleared = Counter(target for _, target in self.carries if _clears(shelf, target))
         return PlannedStock((*shelf.slots, *spots), self.stock_after(shelf), cleared=dict(cleared))
@@ -72,13 +72,13 @@ class Errand:
 
 @dataclass(frozen=True, slots=True)
 class PlannedStock:
-    """What a motion is planned to leave at a shelf.
+    """Planned stock of a shelf after a motion.
 
     Attributes:
-        places: slots and spots whose contents at the end the plan knows.
-        boxes: the box at each of these that has one.
-        leaves_open: slots whose drawers are out at the end.
-        cleared: how many boxes are put down at each spot that carries them away.
+        places: slots and spots with known contents at the end.
+        boxes: box of each occupied place.
+        leaves_open: slots with open drawers at the end.
+        cleared: number of boxes put down at each clearing spot.
     """
 
     places: tuple[str, ...] = ()
@@ -96,17 +96,17 @@ def _clears(shelf: Shelf, place: str) -> bool:
 
 
 def job_carries(robot: Robot, job: str, options: Mapping[str, str] | None = None) -> tuple[Carry, ...]:
-    """Return the boxes that a job carries, in order; none for most jobs. Raises as `make_job` does for its options."""
+    """Return the boxes that a job carries, in order; empty for most jobs. Raises as `make_job` for its options."""
     return carries_of(job_intent(robot, job, options))
 
 
 def carries_of(intent: Any) -> tuple[Carry, ...]:
-    """Return the boxes that a job with this intent carries; none for an intent of another kind."""
+    """Return the boxes carried by a job with this intent; empty for an intent of another kind."""
     return intent if isinstance(intent, tuple) and all(isinstance(each, Carry) for each in intent) else ()
 
 
 def expected(robot: Robot, trajectory: Trajectory, options: ShelfOptions | None) -> PlannedStock | None:
-    """Return what a motion is planned to leave at a robot's shelf; None if nothing is planned."""
+    """Return the planned stock of a robot's shelf after a motion; None if nothing is planned."""
     shelf, errand = shelf_of(robot), options.errand if options else None
     planned = errand.planned(shelf) if errand and shelf else None
     if leaves_open := expected_of(trajectory).get("leaves_open"):

@@ -1,4 +1,4 @@
-"""What happened at a shelf, as evidence."""
+"""Evidence of a shelf: its events and contents."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -6,15 +6,15 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, slots=True)
 class ShelfEvent:
-    """Something that happened at the shelf.
+    """An event at the shelf.
 
     Attributes:
-        counts: its instant.
-        what: what happened, in words.
-        where: the slot or the spot; empty if it happened at none.
-        box: the box that it concerns; empty without one.
-        fault: True for what must not happen at a shelf.
-        tip_mm: where the tool's tip was, x, y and z.
+        counts: instant of the event.
+        what: the event as text.
+        where: slot or spot; empty without one.
+        box: box of the event; empty without one.
+        fault: True for an event that must not happen.
+        tip_mm: x, y and z of the tool's tip.
     """
 
     counts: int
@@ -33,14 +33,14 @@ class ShelfEvent:
 
 @dataclass(frozen=True, slots=True)
 class ShelfEvidence:
-    """Everything that happened at the shelf.
+    """All events at the shelf, with its contents at start and end.
 
     Attributes:
         events: in order of time.
-        start: the box in each slot and at each spot that had one at power-up.
-        end: the same at the end.
-        open_mm: how far each drawer is out at the end that is not shut.
-        cells_out: number of its cells, from the front, that are wholly out.
+        start: box of each occupied slot and spot at power-up.
+        end: box of each occupied slot and spot at the end.
+        open_mm: opening at the end of each drawer that is not shut.
+        cells_out: number of cells of each such drawer, from the front, that are wholly out.
     """
 
     events: tuple[ShelfEvent, ...] = ()

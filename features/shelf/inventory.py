@@ -1,6 +1,6 @@
 """Inventory files: the box in each slot of a robot's shelf, in TOML; docs/warehouse.md has the format.
 
-A slot is allotted or a box is found before a motion is planned, and the file is written, whole, after its run.
+A job gets its slot or finds its box before its motion is planned; the whole file is written after the run.
 """
 
 import json
@@ -23,7 +23,7 @@ from steptwin.host.robots.robot import Robot
 
 _KEYS: Final = ("robot", "slots", "locked")
 SLOT: Final = "slot"
-"""The option of jobs that names the slot."""
+"""Name of the jobs' option for the slot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +32,8 @@ class Inventory:
 
     Attributes:
         robot: name of the robot.
-        boxes: the box in each slot that has one, in the shelf's order.
-        locked: slots whose drawers are locked; they are neither filled nor emptied.
+        boxes: box of each occupied slot, in the shelf's order.
+        locked: slots with locked drawers; they are neither filled nor emptied.
     """
 
     robot: str
@@ -41,7 +41,7 @@ class Inventory:
     locked: tuple[str, ...] = ()
 
     def slot_of(self, box: str) -> str:
-        """Return the slot that holds a box; raise InputError, with the nearest names, if none does."""
+        """Return the slot of a box; raise InputError, with the nearest names, if it is not in the shelf."""
         for slot, held in self.boxes.items():
             if held == box:
                 self._check_unlocked(slot)
@@ -49,7 +49,7 @@ class Inventory:
         raise unknown("box", box, self.boxes.values())
 
     def free_slot(self, shelf: Shelf) -> str:
-        """Return the first slot of a shelf that is free and not locked; raise InputError if there is none."""
+        """Return the first free and unlocked slot of a shelf; raise InputError if there is none."""
         for slot in shelf.slots:
             if slot not in self.boxes and slot not in self.locked:
                 return slot
@@ -57,7 +57,7 @@ class Inventory:
         raise InputError(f"no slot is free: {held}")
 
     def check_slot(self, slot: str, shelf: Shelf, *, filled: bool) -> None:
-        """Raise InputError unless a slot is not locked, and is filled or free as it should be."""
+        """Raise InputError if a slot is locked, or is not `filled` as required."""
         self._check_unlocked(slot)
         if filled and slot not in self.boxes:
             raise InputError(f"slot {slot}: is empty; the filled ones are {', '.join(self.boxes) or 'none'}")
@@ -66,7 +66,7 @@ class Inventory:
             raise InputError(f"slot {slot}: holds {self.boxes[slot]}; free are {', '.join(free) or 'none'}")
 
     def check_new(self, box: str) -> None:
-        """Raise InputError if a name is not one for a box, or a box of this name is in the shelf already."""
+        """Raise InputError if a name is invalid for a box, or taken by a box in the shelf."""
         _check_box(box)
         for slot, held in self.boxes.items():
             if held == box:
@@ -79,7 +79,7 @@ class Inventory:
 
 @dataclass(frozen=True, slots=True)
 class Assignment:
-    """A job as an inventory completes it: its options with the slot, and what happens to the boxes."""
+    """A job with the slot of an inventory: its options, and the errand."""
 
     options: Mapping[str, str]
     errand: Errand
@@ -88,11 +88,11 @@ class Assignment:
 def assign(robot: Robot, job: str, options: Mapping[str, str], inventory: Inventory, box: str | None) -> Assignment:
     """Choose the slot for a job that carries boxes.
 
-    A job that brings a box into the shelf takes a free slot unless the options name one, one that takes a box out looks
-    up the box by its name or its slot. A box that comes needs a name that no box in the shelf has.
+    A job that stores a box takes a free slot unless the options name one. A job that fetches a box finds it by its name
+    or its slot. A new box needs a name that no box in the shelf has.
 
     Raises:
-        InputError: the job carries no boxes, a name is missing, unknown or taken, or the slot is not as it should be.
+        InputError: the job carries no boxes, a name is missing, unknown or taken, or the slot has a wrong state.
     """
     shelf = shelf_of(robot)
     carries = job_carries(robot, job, options)
@@ -151,10 +151,10 @@ def _listed(inventory: Inventory) -> str:
 
 
 def read_inventory(path: str, robot: Robot) -> Inventory:
-    """Return the inventory in a file; a file that does not exist is that of an empty shelf.
+    """Read an inventory; a missing file is an empty shelf.
 
     Raises:
-        InputError: the robot has no shelf, or the file is wrong or another robot's; one message for each mistake.
+        InputError: the robot has no shelf, or the file is invalid or another robot's; one message for each error.
     """
     shelf = shelf_of(robot)
     if shelf is None or not shelf.slots:
@@ -225,11 +225,11 @@ def written_after(inventory: Inventory, errand: Errand, shelf: Shelf) -> Invento
 
 
 def write_inventory(path: str, before: Inventory, after: Inventory, robot: Robot) -> None:
-    """Write an inventory whole, in the place of the one that was read.
+    """Write a whole inventory in place of the one that was read.
 
     Raises:
         InputError: the file has been changed since it was read.
-        OSError: it cannot be written.
+        OSError: writing failed.
     """
     if read_inventory(path, robot) != before:
         raise InputError(f"{path}: has been changed since it was read; the run made it {_listed(after) or 'empty'}")
@@ -245,5 +245,5 @@ def write_inventory(path: str, before: Inventory, after: Inventory, robot: Robot
 
 
 def _quoted(text: str) -> str:
-    """Return a printable text as a string of TOML, which escapes as JSON does."""
+    """Return a printable text as a TOML string; TOML escapes as JSON does."""
     return json.dumps(text, ensure_ascii=False)

@@ -1,16 +1,20 @@
-"""The warehouse robot at its shelf: `drawer-pull` opens a drawer, `store` puts a box into one, `fetch` takes one out.
+"""Jobs at a shelf: `drawer-pull` opens a drawer, `store` puts a box into one, `fetch` takes one out.
 
-The hand locks onto the drawer and pulls it out, the electromagnet releases or takes the box, the hand pushes the
-drawer shut and unlocks. `drawer-pull` is the paper's experiment, its section 3: it leaves the drawer out, in the hand.
-The slides move while the arm is drawn back and before it reaches out, and outputs change while all joints stand still.
+The hand locks onto the drawer and pulls it out, the electromagnet releases or takes the box, and the hand pushes the
+drawer shut and unlocks. `drawer-pull` is the experiment of the paper's section 3: the drawer stays out, in the hand.
+The slides move while the arm is drawn back; outputs change while all joints are still.
+
+The classroom robot's job `carry` moves parts between spots. If the shelf of the robot's file has the presets among its
+spots, a part is at the first one, and each repetition brings one to the second.
 
 Source of the procedure: A. Jiang, L. Guo, X. Tan, "Development of Prototype of a New Intelligent Warehouse Robot",
-2019(05), DOI 10.3969/j.issn.1009-9492.2019.05.018. Slots, hand-over, approach and their speeds are assumed.
+2019(05), DOI 10.3969/j.issn.1009-9492.2019.05.018. Slots, hand-over, approach and speeds are assumptions.
 """
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import Enum
+from math import dist
 from typing import Final
 
 import numpy as np
@@ -19,7 +23,9 @@ from steptwin.features.shelf import shelf_of
 from steptwin.features.shelf.errand import Carry
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.jobs.job import Job, in_reach_at_most, with_elbow
+from steptwin.host.planning.jobs import carry
+from steptwin.host.planning.jobs.carry import CARRY, GOAL, GOAL_RAD, START, START_RAD, CarryOptions
+from steptwin.host.planning.jobs.job import Job, fitted, in_reach_at_most, with_elbow
 from steptwin.host.planning.jobs.options import number, place
 from steptwin.host.planning.jobs.pull_line import COMPARTMENTS, KIND, LOCKED_DEG, REACH_MM, TRAVEL_MM
 from steptwin.host.planning.laws import Trapezoid
@@ -31,20 +37,20 @@ from steptwin.host.robots.robot import Robot
 
 HAND_OVER: Final = "hand-over"
 APPROACH_MM: Final = 60.0
-"""Distance from in front of the shelf to the drawer's striker."""
+"""Distance from the front position to the drawer's striker."""
 LOWERING_MM: Final = 30.0
-"""Distance from above a box down to its lid; less if the lift ends above that."""
+"""Distance down to the lid of a box; less if the lift ends above that."""
 PULL_S: Final = 10.0
 RAMP_PART: Final = 0.2
-"""Duration of a drawer's whole way, the paper's, and the part of it that each ramp takes."""
+"""Duration of a drawer's full travel, from the paper, and the fraction of it for each ramp."""
 SENSOR_TIMEOUT_S: Final = 2.0
-"""Time within which a sensor must see what the hand has just done."""
+"""Timeout for the sensor of the hand's last action."""
 _SLIDES: Final = 2
 """The first joints, sx and sz, are the slides."""
 
 
 class Sensors(Enum):
-    """Whether a job waits until the shelf's sensors see what it has done."""
+    """Whether a job waits for the shelf's sensors after its actions."""
 
     IGNORE = "ignore"
     WAIT = "wait"
@@ -62,10 +68,10 @@ def _spots(robot: Robot) -> Iterable[str]:
 
 @dataclass(frozen=True, slots=True)
 class _AtShelf:
-    """The options of all jobs.
+    """Options of all jobs.
 
-    These are the elbow's side, the drawer's way, the way from in front of it to its striker, the duration of a pull or
-    push, and whether to wait for the sensors.
+    They are the elbow's side, the drawer's travel, the distance from the front position to its striker, the duration of
+    a pull or push, and the wait for sensors.
     """
 
     elbow: Elbow = Elbow.RIGHT
@@ -77,7 +83,7 @@ class _AtShelf:
 
 @dataclass(frozen=True, slots=True)
 class DrawerPullOptions(_AtShelf):
-    """The options of `drawer-pull`: also the slot, and how many of the drawer's compartments come out."""
+    """Options of `drawer-pull`: also the slot, and the number of compartments to pull out."""
 
     slot: str = place("A1", _slots)
     compartments: int = number(COMPARTMENTS, 1, COMPARTMENTS, "compartments")
@@ -85,7 +91,7 @@ class DrawerPullOptions(_AtShelf):
 
 @dataclass(frozen=True, slots=True)
 class StoreOptions(_AtShelf):
-    """The options of `store`: also the slot, and the spot where the box is."""
+    """Options of `store`: also the slot and the spot of the box."""
 
     slot: str = place("A1", _slots)
     pick_up: str = place(HAND_OVER, _spots)
@@ -93,7 +99,7 @@ class StoreOptions(_AtShelf):
 
 @dataclass(frozen=True, slots=True)
 class FetchOptions(_AtShelf):
-    """The options of `fetch`: also the slot, and the spot where the box goes."""
+    """Options of `fetch`: also the slot and the spot for the box."""
 
     slot: str = place("A1", _slots)
     output: str = place(HAND_OVER, _spots)
@@ -101,14 +107,14 @@ class FetchOptions(_AtShelf):
 
 @dataclass(frozen=True, slots=True)
 class EverySlotOptions(_AtShelf):
-    """The options of `every-slot`: also the spots where boxes are and where they go."""
+    """Options of `every-slot`: also the spots to take boxes from and to put them."""
 
     pick_up: str = place(HAND_OVER, _spots)
     output: str = place(HAND_OVER, _spots)
 
 
 class _Shelf:
-    """The robot's moves between spots and slots."""
+    """Moves of a robot between spots and slots."""
 
     def __init__(self, robot: Robot, options: _AtShelf) -> None:
         self._robot, self._shelf = robot, shelf_of(robot)
@@ -118,7 +124,7 @@ class _Shelf:
         self._waits = options.sensors is Sensors.WAIT
 
     def above(self, spot: str) -> FloatArray:
-        """Return the joints above a spot, whose place must name every joint, with the chosen elbow."""
+        """Return the joints above a spot, which must name every joint, with the chosen elbow."""
         position = self._robot.places.get(spot, {})
         missing = [joint for joint in self._robot.joint_names if joint not in position]
         if missing:
@@ -127,11 +133,11 @@ class _Shelf:
         return with_elbow(self._robot, joints, self._elbow)
 
     def drawn_back(self, spot: str, slot: str) -> FloatArray:
-        """Return the joints with the arm drawn back as in front of a slot, and the slides at a spot."""
+        """Return the joints with the arm drawn back in front of a slot, and the slides at a spot."""
         return self.in_front(self.above(spot)[:_SLIDES], slot)
 
     def in_front(self, slides_mm: FloatArray, slot: str) -> FloatArray:
-        """Return the joints with the arm drawn back as in front of a slot, and the slides at a position."""
+        """Return the joints with the arm drawn back in front of a slot, and the slides at a position."""
         lift_mm = self._robot.places[slot].get("L1", self._robot.home[self._robot.joint_names.index("L1")])
         locked = np.array([*slides_mm, lift_mm, *LOCKED_DEG])
         kinematics = make_kinematics(self._robot)
@@ -163,7 +169,7 @@ class _Shelf:
             self.to_spot(moves, slot, other)
 
     def at_box(self, moves: Composer, spot: str, *, take: bool) -> None:
-        """Go down onto the box, switch the magnet, go up again."""
+        """Lower the tool onto the box, switch the magnet, and raise the tool."""
         lift_mm = moves.joints[self._robot.joint_names.index("L1")]
         lowest_mm = self._robot.joint("L1").lower
         if not lift_mm > lowest_mm:
@@ -182,7 +188,7 @@ class _Shelf:
         moves.line(self._elbow.value, (0.0, -self._approach_mm, 0.0), self._approach)
 
     def pull_out(self, moves: Composer, slot: str) -> None:
-        """Reach out to the drawer, lock, pull it out."""
+        """Reach to the drawer, lock, pull it out."""
         moves.line(self._elbow.value, (0.0, self._approach_mm, 0.0), self._approach)
         moves.switch("lock", on=True)
         self._wait(moves, "lock_engaged", slot, on=True)
@@ -203,7 +209,7 @@ class _Shelf:
         self._wait(moves, "box_present", where, on=on)
 
     def _wait(self, moves: Composer, sensor: str, where: str, *, on: bool) -> None:
-        """Wait for a sensor, if the job is to do so."""
+        """Wait for a sensor if the job uses sensors."""
         if not self._waits:
             return
         wired = self._shelf.sensors if self._shelf else {}
@@ -214,20 +220,20 @@ class _Shelf:
         moves.wait(wired[sensor], on=on, timeout_s=SENSOR_TIMEOUT_S, place=where)
 
     def lid(self, spot: str) -> FloatArray:
-        """Return the joints where the magnet meets the lid of a box at a spot."""
+        """Return the joints with the magnet on the lid of a box at a spot."""
         joints = self.above(spot)
         lift = self._robot.joint_names.index("L1")
         joints[lift] = max(joints[lift] - LOWERING_MM, self._robot.joints[lift].lower)
         return joints
 
     def locked(self, slot: str) -> FloatArray:
-        """Return the joints where the hand locks onto a slot's drawer, with the elbow on the right."""
+        """Return the joints with the hand locked onto a slot's drawer and the elbow on the right."""
         place, home = self._robot.places[slot], dict(zip(self._robot.joint_names, self._robot.home, strict=True))
         return np.array([*({**home, **place}[name] for name in ("sx", "sz", "L1")), *LOCKED_DEG])
 
 
 def missed_places(robot: Robot) -> list[str]:
-    """Return a line for each slot and spot of a robot's shelf where the jobs' hand reaches no striker or lid."""
+    """Return a line for each slot and spot of a robot's shelf with a striker or lid that the hand misses."""
     shelf = shelf_of(robot)
     if shelf is None or robot.kinematics != KIND:
         return []
@@ -250,7 +256,7 @@ def missed_places(robot: Robot) -> list[str]:
 
 
 def _slides_first(moves: Composer, goal: FloatArray) -> None:
-    """Move the slides to a position of all joints, then the arm."""
+    """Move the slides to their goal, then the arm."""
     slides = moves.joints.copy()
     slides[:_SLIDES] = goal[:_SLIDES]
     moves.go(slides)
@@ -258,7 +264,7 @@ def _slides_first(moves: Composer, goal: FloatArray) -> None:
 
 
 def drawer_pull(robot: Robot, options: DrawerPullOptions) -> Trajectory:
-    """Return the paper's experiment: the slides to the slot, then the arm to the drawer, lock, pull; it stays out.
+    """Return the paper's experiment: slides to the slot, arm to the drawer, lock, pull; the drawer stays out.
 
     Raise InputError if the robot file lacks a place or an output, or if a pose is out of reach.
     """
@@ -345,3 +351,34 @@ EVERY_SLOT: Final = Job(
     every_slot,
     _carried_everywhere,
 )
+
+
+# --- parts of the classroom robot
+
+
+def _carried(robot: Robot, options: CarryOptions) -> tuple[Carry, ...]:
+    shelf = shelf_of(robot)
+    spots = shelf.spots if shelf else {}
+    presets = options.from_ is None and options.to is None and START in spots and GOAL in spots
+    return (Carry(START, GOAL),) * options.repetitions if presets and options.depth_mm else ()
+
+
+def missed_presets(robot: Robot) -> list[str]:
+    """Return a line for each preset among a robot's spots where `carry` misses the part."""
+    shelf, lines = shelf_of(robot), list[str]()
+    if shelf is None or robot.kinematics != carry.KIND:
+        return lines
+    for name, preset_rad in ((START, START_RAD), (GOAL, GOAL_RAD)):
+        if name in shelf.spots:
+            joints = fitted(robot, np.rad2deg(preset_rad))
+            x_mm, y_mm, _, _ = make_kinematics(robot).forward(joints[np.newaxis])[0].tolist()
+            away_mm = dist((x_mm, y_mm), shelf.spots[name].lid_mm[:2])
+            if away_mm > shelf.capture_mm:
+                lines.append(
+                    f"shelf.spots.{name}: carry brings the gripper to x {x_mm:.1f}, y {y_mm:.1f} mm, {away_mm:.1f} mm"
+                    f" away; it reaches {shelf.capture_mm:g} mm"
+                )
+    return lines
+
+
+CARRY_PARTS: Final = replace(CARRY, intent=_carried)

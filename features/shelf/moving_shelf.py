@@ -1,8 +1,8 @@
-"""A shelf with drawers, spots for single boxes, and the hand that works there: what happens to them, as events.
+"""An emulated shelf with drawers, spots for single boxes, and the hand there; everything that happens is an event.
 
 A drawer slides along -y from shut to its end stop. Its catch holds it unless the hand's lock is in its striker; a
-locked drawer stays shut even then. The magnet takes or releases a box: in a drawer that the hand holds open, or at a
-spot. Nothing moves otherwise. Positions are the tool tip's in mm; instants are counts of the timer.
+locked drawer stays shut even then. The magnet takes or releases a box in a drawer that the hand holds open, or at a
+spot. Nothing else moves. Positions are the tool tip's in mm; instants are counts of the timer.
 """
 
 from collections.abc import Mapping
@@ -14,11 +14,11 @@ from typing import Final, NamedTuple
 Point = tuple[float, float, float]
 
 END_MM: Final = 1.0
-"""Distance from its end stop up to which a drawer's sensor sees it there."""
+"""Distance from its end stop within which a drawer's sensor is on."""
 
 
 class ShelfEventKind(StrEnum):
-    """What may happen at a shelf."""
+    """Kinds of events at a shelf."""
 
     LOCKED_ON = "hand locked onto the drawer"
     UNLOCKED = "hand unlocked from the drawer"
@@ -35,7 +35,7 @@ class ShelfEventKind(StrEnum):
 
     @property
     def is_fault(self) -> bool:
-        """True for what must not happen at a real shelf."""
+        """True for an event that must not happen at a real shelf."""
         return self in _FAULTS
 
 
@@ -52,7 +52,7 @@ _FAULTS: Final = frozenset(
 
 
 class ShelfHappening(NamedTuple):
-    """One event: its instant, the slot or spot and the box it concerns, both empty if there is none, and the tip."""
+    """An event: instant, slot or spot, box, and tip; slot and box may be empty."""
 
     counts: int
     kind: ShelfEventKind
@@ -62,9 +62,9 @@ class ShelfHappening(NamedTuple):
 
 
 class SpotConfig(NamedTuple):
-    """A spot: where the tip meets the lid of its box, whether boxes come to it, and whether they are carried away.
+    """A spot: lid position of its box, and whether it feeds or clears boxes.
 
-    The hand may take a box up to `grip_mm` below its lid, and must put it down with as much of it in its grip.
+    The hand may take a box up to `grip_mm` below its lid. It must put the box down with the same grip.
     """
 
     lid_mm: Point
@@ -73,7 +73,7 @@ class SpotConfig(NamedTuple):
     grip_mm: float = 0.0
 
     def depth_mm(self, tip_mm: Point) -> float:
-        """Return how deep the hand grips a box here: from its lid down to a tip, at most `grip_mm`."""
+        """Return the depth of the hand's grip on a box: from its lid down to a tip, at most `grip_mm`."""
         return min(max(self.lid_mm[2] - tip_mm[2], 0.0), self.grip_mm)
 
 
@@ -87,16 +87,16 @@ class Sensed(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class ShelfConfig:
-    """A shelf as it is built, and what is in it at power-up.
+    """Construction of a shelf, and its contents at power-up.
 
     Attributes:
-        strikers_mm: where the hand locks onto each slot's shut drawer.
-        spots: the spots for single boxes.
-        travel_mm: way of a drawer to its end stop.
-        opening_mm: least way by which a drawer must be out for a box to pass.
-        capture_mm: distance of the tip up to which lock and magnet reach, and play of a drawer that the hand holds.
-        stock: the box in each slot and at each spot that has one.
-        locked: slots whose drawers are locked.
+        strikers_mm: striker of each slot's shut drawer.
+        spots: spots for single boxes.
+        travel_mm: travel of a drawer to its end stop.
+        opening_mm: least opening of a drawer for a box to pass.
+        capture_mm: reach of lock and magnet from the tip, and play of a drawer that the hand holds.
+        stock: box of each occupied slot and spot.
+        locked: slots with locked drawers.
     """
 
     strikers_mm: Mapping[str, Point]
@@ -109,43 +109,43 @@ class ShelfConfig:
 
 
 class MovingShelf:
-    """The shelf at run time. `look` is called at every change of an output, and often while the hand holds a drawer."""
+    """The shelf at run time. Call `look` at every change of an output, and often while the hand holds a drawer."""
 
     def __init__(self, config: ShelfConfig) -> None:
         self._config = config
         self.events: list[ShelfHappening] = []
-        """What has happened, not forgotten, in order of time."""
+        """Events in order of time that have not been dropped."""
         self.out_mm: dict[str, float] = dict.fromkeys(config.strikers_mm, 0.0)
-        """How far each drawer is out."""
+        """Opening of each drawer."""
         self.stock: dict[str, str] = dict(config.stock)
-        """The box in each slot and at each spot that has one."""
+        """Box of each occupied slot and spot."""
         self.carried: str = ""
-        """The box that hangs at the magnet; empty without one."""
+        """Box at the magnet; empty without one."""
         self.held: str = ""
-        """The slot whose drawer the hand holds; empty without one."""
+        """Slot of the drawer that the hand holds; empty without one."""
         self._grip_mm = (0.0, 0.0, 0.0)
-        """The tip's distance from the striker when the lock went in."""
+        """Distance of the tip from the striker when the lock went in."""
         self._lock = self._magnet = False
         self._depth_mm = 0.0
-        """How far the tip is below the lid of the box that the hand carries."""
+        """Depth of the tip below the lid of the carried box."""
         self._fed = 0
-        """Number of boxes that have come to feeding spots."""
+        """Number of boxes that have arrived at feeding spots."""
         for name, spot in config.spots.items():
             if spot.feeds and name not in self.stock:
                 self._feed(name)
 
     @property
     def sensed(self) -> Sensed:
-        """What the sensors see."""
+        """Levels of the sensors."""
         at_end = bool(self.held) and self.out_mm[self.held] >= self._config.travel_mm - END_MM
         return Sensed(bool(self.held), bool(self.carried), at_end)
 
     def cells_out(self, out_mm: float) -> int:
-        """Return how many cells of a drawer are wholly out; each is as long as the least way for a box to pass."""
+        """Return the number of cells of a drawer that are wholly out; a cell is as long as the least opening."""
         return int((out_mm + END_MM) // self._config.opening_mm)
 
     def look(self, counts: int, tip_mm: Point, *, lock: bool, magnet: bool) -> None:
-        """Let the tool's tip come to a position, and then the outputs to their levels."""
+        """Move the tool's tip to a position, then set the outputs to their levels."""
         if self.held:
             self._follow(counts, tip_mm)
         if lock != self._lock:
@@ -158,7 +158,7 @@ class MovingShelf:
     # --- the drawer in the hand
 
     def _follow(self, counts: int, tip_mm: Point) -> None:
-        """Move the drawer with the tip; if it cannot go there, the lock tears out of the striker."""
+        """Move the drawer with the tip; if it cannot follow, the lock tears out of the striker."""
         slot, config = self.held, self._config
         dx_mm, dy_mm, dz_mm = (
             tip - striker - grip
@@ -197,9 +197,10 @@ class MovingShelf:
     # --- the box at the magnet
 
     def _place_at(self, tip_mm: Point, depth_mm: float | None = None) -> str:
-        """Return the slot or spot to or from which the magnet can carry a box now; empty if there is none.
+        """Return the slot or spot where the magnet can take or release a box now; empty if there is none.
 
-        The hand holds a box at a depth below its lid; None: it may take one at any depth that the spot allows.
+        The hand holds a box at a depth below its lid; None: the hand is empty and may grip at any depth that the spot
+        allows.
         """
         if self.held:
             return self.held if self.out_mm[self.held] >= self._config.opening_mm else ""

@@ -1,4 +1,4 @@
-"""How an emulated shelf differs from the usual one."""
+"""Options of an emulated shelf."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
@@ -29,13 +29,13 @@ _LOCKED: Final = Spelling(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShelfOptions:
-    """The boxes and locked drawers of an emulated shelf, and what a motion is planned to do with the boxes.
+    """Boxes and locked drawers of an emulated shelf, and the planned errand.
 
     Attributes:
-        stock: the box in each slot and at each spot that has one; None: those of the errand, without one a box at each
-            spot where boxes are taken.
-        locked_drawers: slots whose drawers are locked.
-        errand: what the motion is planned to do with the boxes; each must be where it is planned in the end.
+        stock: box of each occupied slot and spot; None: the errand's boxes, or without errand a box at each feeding
+            spot.
+        locked_drawers: slots with locked drawers.
+        errand: planned transports; each box must end in its planned place.
     """
 
     stock: Mapping[str, str] | None = field(default=None, metadata={SPELLING: _STOCK})
@@ -44,11 +44,11 @@ class ShelfOptions:
 
     @property
     def boxes(self) -> Mapping[str, str] | None:
-        """The box in each place; None: the usual ones."""
+        """Box of each occupied place; None: the default ones."""
         return self.errand.stock if self.stock is None and self.errand is not None else self.stock
 
     def over(self, other: "ShelfOptions") -> "ShelfOptions":
-        """Return other options, with those of these that are no defaults in place of theirs."""
+        """Return `other`, with the values of this object that are not defaults in place of its own."""
         return ShelfOptions(
             stock=other.stock if self.stock is None else self.stock,
             locked_drawers=self.locked_drawers or other.locked_drawers,

@@ -1,4 +1,4 @@
-"""The options of `steptwin run` for a shelf: an inventory file, and the box that is meant."""
+"""Options of `steptwin run` for a shelf: an inventory file, and the box's name."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShelfRun(RunHook):
-    """What a run does with the boxes of a shelf: its job's options say so, or an inventory file."""
+    """Boxes in a run at a shelf, from the job's options or from an inventory file."""
 
     inventory: str | None = option(
         "FILE",
@@ -26,12 +26,12 @@ class ShelfRun(RunHook):
     )
 
     def words_taken(self, robot: "Robot") -> int:
-        """Return how many words may follow the job: the box's name."""
+        """Return the number of words allowed after the job: the box's name."""
         shelf = shelf_of(robot)
         return 1 if shelf is not None and shelf.slots else 0
 
     def prepare(self, robot: "Robot", job: str, options: Mapping[str, str], words: Sequence[str]) -> Prepared:
-        """Choose slot and box; raise InputError, with the inventory's file, if that cannot be done."""
+        """Choose slot and box; raise InputError, with the inventory's file, if that is impossible."""
         from steptwin.host.planning.jobs import job_names
 
         box = words[0] if words else None
@@ -49,7 +49,7 @@ class ShelfRun(RunHook):
         return Prepared(assigned.options, ShelfOptions(errand=assigned.errand), (inventory, assigned.errand))
 
     def finish(self, robot: "Robot", kept: Any) -> str:
-        """Write the inventory after a verified run; return a line about it, empty without one."""
+        """Write the inventory after a verified run; return a line about it, or an empty text."""
         shelf = shelf_of(robot)
         if kept is None or shelf is None or self.inventory is None:
             return ""

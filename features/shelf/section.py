@@ -1,18 +1,18 @@
-"""What a robot carries, and where: a shelf's drawers with the hand's lock, and spots for single boxes.
+"""A robot's shelf and loads: drawers with the hand's lock, and spots for single boxes.
 
 A drawer slides along -y. Its own catch holds it unless the hand's lock is in its striker, the middle of its front. A
-box moves only with the hand's magnet or gripper. A robot may have spots alone, without drawers.
+box moves only with the hand's magnet or gripper. A robot may have spots without drawers.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from reprlib import repr as short
 from typing import Annotated, Any, Final
 
 from steptwin.host.common.bad_input import prefixed, require_positive, unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_models import FileReading, FileTable, Within, check_limits
+from steptwin.host.common.file_models import FileReading, FileTable
+from steptwin.host.common.file_values import Within, check_limits
 from steptwin.host.common.findings import Findings, check_all, judged
 from steptwin.host.robots.board_settings import Input, Output
 from steptwin.host.robots.box import Box
@@ -22,19 +22,20 @@ from steptwin.host.robots.robot import Robot
 Point = tuple[float, float, float]
 
 SENSORS: Final = ("lock_engaged", "box_present", "drawer_end")
-"""The sensors, by their keys in the robot file: the lock is in a striker; a box hangs at the magnet; a drawer that the
-hand holds is at its end stop."""
+"""Sensors by their keys in the robot file: the lock is in a striker; a box hangs at the magnet; the drawer that the
+hand holds is at its end stop.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Spot(FileTable):
-    """A spot for one box outside of the shelf, such as a table where boxes are handed over.
+    """A spot for one box outside of the shelf, such as a table for handing over.
 
     Attributes:
-        lid_mm: where the tool's tip takes or releases a box, x, y and z: the middle of the box's lid.
-        feeds: True if the next box comes as soon as one has been taken away.
-        clears: True if a box that is put here is carried away at once.
-        grip_mm: how far below its lid the hand may take a box as well, as a gripper does; 0 for a magnet.
+        lid_mm: x, y and z of the tool's tip at the middle of the box's lid, where it takes or releases the box.
+        feeds: True if the next box arrives when one has been taken away.
+        clears: True if a box that is put here is taken away at once.
+        grip_mm: depth below the lid to which the hand may grip the box, as a gripper does; 0 for a magnet.
     """
 
     lid_mm: Triple
@@ -54,19 +55,19 @@ class Shelf(FileTable):
 
     Attributes:
         magnet: name of the output that takes a box: a magnet by its lid, or a gripper.
-        capture_mm: distance of the tool's tip from a striker or a lid up to which lock and magnet reach it, and by
-            which the hand may leave the way of a drawer that it holds.
-        spots: the spots, by name.
-        slots: the drawer of each slot, as a name of one of the robot's boxes, by the slot's name; without any, lock
-            and lengths of drawers say nothing.
+        capture_mm: reach of lock and magnet from the tool's tip, and largest distance of the hand from the path of a
+            drawer that it holds.
+        spots: spots by name.
+        slots: drawer of each slot, as the name of one of the robot's boxes; without slots, lock and lengths of drawers
+            are meaningless.
         lock: name of the output that puts the hand's lock into a striker.
-        travel_mm: way of a drawer from shut to its end stop.
-        opening_mm: least way by which a drawer must be out for a box to be put in or taken out.
-        arm_radius_mm: half the thickness of the arm's parts, for the check that they keep clear of the obstacles.
+        travel_mm: travel of a drawer from shut to its end stop.
+        opening_mm: least opening of a drawer to put a box in or take one out.
+        arm_radius_mm: half the thickness of the arm's parts, for the check against obstacles.
         obstacles: names of the robot's boxes that the arm must not touch on its way to a job's start.
         lock_engaged: name of the input that is on while the lock is in a striker; empty without this sensor.
-        box_present: name of the input that is on while a box hangs at the magnet; likewise.
-        drawer_end: name of the input that is on while the drawer that the hand holds is at its end stop; likewise.
+        box_present: name of the input that is on while a box hangs at the magnet; empty without this sensor.
+        drawer_end: name of the input that is on while the drawer in the hand is at its end stop; empty without it.
     """
 
     magnet: str
@@ -84,7 +85,7 @@ class Shelf(FileTable):
 
     @classmethod
     def made_of(cls, values: dict[str, Any], reading: FileReading) -> Any:
-        """Return the shelf: one with spots alone needs no key of drawers, any other needs all of them."""
+        """Return the shelf from a table; drawers need all of their keys, spots alone need none."""
         drawers = any(name in reading.table for name in (*_DRAWERS, "obstacles", *SENSORS))
         needed = _DRAWERS if drawers or "spots" not in reading.table else ("spots",)
         for name in [name for name in needed if name in values and values[name] is None]:
@@ -112,7 +113,7 @@ class Shelf(FileTable):
                 raise InputError(f"slots.{name}: is the name of a spot as well")
 
     def check(self, robot: Robot) -> None:
-        """Raise InputError, with everything that is wrong, unless the robot has all that the shelf names."""
+        """Raise InputError, with all errors, if the robot lacks anything that the shelf names."""
         if self.slots and robot.base.phi_deg % 360.0:
             raise InputError(
                 f"base.phi_deg: {robot.base.phi_deg:g} deg is for a robot without a shelf, whose drawers open along y;"
@@ -139,11 +140,11 @@ class Shelf(FileTable):
 
     @property
     def sensors(self) -> dict[str, str]:
-        """The input of each sensor that there is, by the sensor's key."""
+        """Input of each existing sensor, by the sensor's key."""
         return {key: name for key in SENSORS if (name := getattr(self, key))}
 
     def striker_mm(self, slot: str, boxes: Mapping[str, Box]) -> Point:
-        """Return where the hand locks onto a slot's shut drawer: the middle of its front."""
+        """Return the place of a slot's striker on its shut drawer: the middle of its front."""
         drawer = boxes[self.slots[slot]]
         return (sum(drawer.x_mm) / 2, drawer.y_mm[0], sum(drawer.z_mm) / 2)
 
@@ -154,16 +155,7 @@ def _check(key: str, what: str, name: str, known: Mapping[str, object]) -> None:
 
 
 _DRAWERS: Final = ("lock", "travel_mm", "opening_mm", "arm_radius_mm", "slots")
-"""Keys that a shelf with drawers has."""
-
-
-def read_slots(names: Sequence[object]) -> tuple[str, ...]:
-    """Return the slots that a program leaves open; raise InputError, with a message for each, for what is no text."""
-    if strange := [
-        f"leaves_open[{i}]: {short(name)} is not a text" for i, name in enumerate(names) if type(name) is not str
-    ]:
-        raise InputError(*strange)
-    return tuple(map(str, names))
+"""Keys of a shelf with drawers."""
 
 
 def check_slots(robot: Robot, slots: Sequence[str]) -> None:

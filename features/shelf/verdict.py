@@ -1,7 +1,7 @@
-"""Judge what happened at a shelf: no fault, only those drawers open that the plan leaves so, every box in its place.
+"""Judge a shelf: no faults, drawers open only as planned, every box in its place.
 
-What a shelf reports is evidence and is not taken on trust: the boxes at the end must follow from those at the start by
-the events, and at each event the tool must have been where the drivers' counts put it.
+A shelf's report is evidence, not trusted: the boxes at the end must follow from those at the start by the events, and
+at each event the drivers' counts must put the tool there.
 """
 
 from collections.abc import Iterator, Mapping
@@ -21,14 +21,14 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 TAKEN: Final = "box taken"
 PUT: Final = "box put down"
-"""The events by which boxes move."""
+"""Name of the event in which a box is put down."""
 
 TIP_TOLERANCE_MM: Final = 1.0
-"""Distance by which the tip may have moved between the instant of an event and the end of the servo tick."""
+"""Largest motion of the tip between the instant of an event and the end of the servo tick."""
 
 
 def reasons(shelf: ShelfEvidence, planned: PlannedStock | None, start_counts: int) -> list[str]:
-    """Return one line for each fault, each drawer that is open or shut against the plan, and each misplaced box.
+    """Return one line for each fault, each drawer open or shut against the plan, and each misplaced box.
 
     `start_counts` is the motion's t = 0.
     """
@@ -60,7 +60,7 @@ def reasons(shelf: ShelfEvidence, planned: PlannedStock | None, start_counts: in
 
 
 def document(shelf: ShelfEvidence, start_counts: int) -> dict[str, Any]:
-    """Return the shelf under its key in the JSON document of a run; times are the trajectory's."""
+    """Return the shelf's part of report.json; times are the trajectory's."""
     events = [
         {
             "t_s": round((event.counts - start_counts) / COUNTS_PER_SECOND, 6),
@@ -75,7 +75,7 @@ def document(shelf: ShelfEvidence, start_counts: int) -> dict[str, Any]:
 
 
 def contradictions(shelf: ShelfEvidence, comparison: Comparison) -> Iterator[str]:
-    """Yield one line for each statement of the shelf that the drivers' counts or its own events contradict."""
+    """Yield one line for each statement of the shelf that contradicts the drivers' counts or its own events."""
     stock, carried = dict(shelf.start), ""
     for event in shelf.events:
         if event.what == TAKEN:
@@ -96,7 +96,7 @@ def contradictions(shelf: ShelfEvidence, comparison: Comparison) -> Iterator[str
 
 
 def _counted_tips_mm(shelf: ShelfEvidence, comparison: Comparison) -> FloatArray:
-    """Return where the tool's tip was at each event by the drivers' counts, shape (events, 3)."""
+    """Return the tool's tip at each event by the drivers' counts, shape (events, 3)."""
     if not shelf.events:
         return np.empty((0, 3))
     counts = np.array([event.counts for event in shelf.events])
@@ -110,7 +110,7 @@ def _counted_tips_mm(shelf: ShelfEvidence, comparison: Comparison) -> FloatArray
 
 
 def stored(shelf: ShelfEvidence, planned: PlannedStock | None, _start_counts: int) -> dict[str, Any]:
-    """Return what shelf.json holds."""
+    """Return the content of shelf.json."""
     held: dict[str, Any] = {
         "events": [asdict(event) for event in shelf.events],
         "start": dict(shelf.start),
@@ -126,7 +126,7 @@ def stored(shelf: ShelfEvidence, planned: PlannedStock | None, _start_counts: in
 
 
 def read(table: Table) -> tuple[ShelfEvidence, PlannedStock | None]:
-    """Return evidence and plan from shelf.json; raise InputError for a key that is missing or of another kind."""
+    """Return evidence and plan from shelf.json; raise InputError for a missing key or a value of another kind."""
     shelf = ShelfEvidence(
         events=table.each("events", _event),
         start=_texts(table, "start"),
@@ -161,7 +161,7 @@ def _event(table: Table) -> ShelfEvent:
 
 
 def _names(table: Table, key: str) -> tuple[str, ...]:
-    """Return a list of names; none if it is missing, as in folders of versions before it."""
+    """Return a list of names; empty if it is missing, as in folders of earlier versions."""
     names = table.elements(key) if key in table else []
     if strange := [f"{key}[{i}]: is not a text" for i, name in enumerate(names) if not isinstance(name, str)]:
         raise InputError(*strange)
@@ -174,7 +174,7 @@ def _texts(table: Table, key: str) -> Mapping[str, str]:
 
 
 def _whole_numbers(table: Table, key: str) -> Mapping[str, int]:
-    """Return numbers by name; none if the table is missing, as in folders of versions before it."""
+    """Return numbers by name; empty if the table is missing, as in folders of earlier versions."""
     if key not in table:
         return {}
     with table.section(key) as section:

@@ -1,4 +1,4 @@
-"""URDF files of ROS: robots of the kind chain are made of them and written as them."""
+"""URDF files of ROS: create robots of the kind chain from them, and export such robots."""
 
 from typing import TYPE_CHECKING, Final
 

@@ -1,4 +1,4 @@
-"""`steptwin urdf ROBOT`: describe a robot for ROS tools; and `steptwin new FILE --urdf FILE`."""
+"""`steptwin urdf ROBOT`: export a robot for ROS tools; and the options of `steptwin new FILE --urdf FILE`."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UrdfOptions:
-    """The options of a robot made of a URDF."""
+    """Options for a robot from a URDF."""
 
     urdf: str | None = option("FILE", "URDF with the joints of an arm: makes a chain of them.")
     tip: str | None = option("LINK", "With --urdf: the tool's link; by default the only leaf that needs no mimic.")
@@ -25,7 +25,7 @@ class UrdfOptions:
     snap: bool = switch("With --urdf: make angles exact within 2e-5 rad of multiples of 15 deg.")
 
     def robot(self, name: str, kind: str | None, given: dict[str, str], original: str | None) -> "NewRobot | None":
-        """Return the robot of the URDF; None without one. Raises InputError for options that do not go together."""
+        """Return the robot of the URDF; None without one. Raises InputError for options that exclude each other."""
         from steptwin.features.urdf.urdf_robot import KIND, UrdfSource
 
         if self.urdf is None:

@@ -1,8 +1,8 @@
-"""A chain of a robot file made of a URDF's joints from its base to its tip, and all that its user should know of it.
+"""Make a robot file's chain from the joints of a URDF, with notes for its user.
 
-m become mm and rad degrees. Fixed joints become part of the frame behind them: before the first joint that moves the
-chain's `base`, behind the last one its `tool`. Rigid transforms become the frames of robot files, place and roll, pitch
-and yaw, and back without a loss.
+m become mm and rad degrees. Fixed joints become part of the next frame: before the first moving joint that is the
+chain's `base`, after the last one its `tool`. Rigid transforms become frames of robot files (place, roll, pitch and
+yaw), without loss of accuracy.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -22,24 +22,24 @@ from steptwin.host.robots.poses.rotations import matrix
 from steptwin.host.robots.robot import Dimension
 
 _UPRIGHT: Final = 1e-14
-"""Cosine of the pitch below which roll and yaw are one turn: from there on it is rounding only."""
+"""Cosine of the pitch below which roll and yaw cannot be told apart; smaller values are rounding."""
 _DECIMALS: Final = 12
-"""Decimals of a frame's numbers: beyond them there is the dust of products only."""
+"""Decimals of a frame's numbers; further ones are rounding errors of products."""
 SNAPPED_RAD: Final = 2e-5
-"""Distance from a multiple of 15 degrees within which an angle is meant to be it: 1.5708 is 3.7e-6 from pi/2."""
+"""Largest distance from a multiple of 15 degrees for snapping: 1.5708 is 3.7e-6 from pi/2."""
 _STEP_RAD: Final = pi / 12.0
 _EXACT_RAD: Final = 1e-9
-"""Distance within which it is it: on an arm of 1 m less than a nanometre."""
+"""Distance below which an angle counts as exact: less than a nanometre on an arm of 1 m."""
 _QUARTER_DEG: Final = 90.0
 _QUARTER_OFF_DEG: Final = 0.1
-"""Limits of 1.57 or 1.5708 on every joint are those that exporters write for want of better ones."""
+"""Limits of 1.57 or 1.5708 on every joint are placeholders of exporters."""
 _ENDLESS_DEG: Final = 180.0
 
 
 def frame_of(transform: FloatArray) -> FixedFrame:
-    """Return a transform of shape (4, 4) as a frame; the matrix of the frame is the transform, even near pitch 90.
+    """Return a transform of shape (4, 4) as a frame with that matrix, even near pitch 90.
 
-    Roll and pitch are taken of what remains after the turn back by the yaw, so that they fit any rounding of it.
+    Roll and pitch are computed after the yaw is undone, so they fit any rounding of it.
     """
     turn = transform[:3, :3]
     upright = np.hypot(turn[0, 0], turn[1, 0]) < _UPRIGHT
@@ -51,20 +51,20 @@ def frame_of(transform: FloatArray) -> FixedFrame:
 
 
 def triple(values: Iterable[float]) -> tuple[float, float, float]:
-    """Return three numbers without the dust of their products."""
+    """Return three numbers without rounding errors of products."""
     x, y, z = (round(value, _DECIMALS) + 0.0 for value in values)
     return x, y, z
 
 
 @dataclass(frozen=True, slots=True)
 class ChainMove:
-    """A joint of the chain that moves.
+    """A moving joint of the chain.
 
     Attributes:
-        name: its name in the robot file.
+        name: name in the robot file.
         kind: revolute, continuous or prismatic.
-        lower: least position in mm or degrees; likewise upper. Of a continuous joint a turn about 0.
-        speed: highest speed in mm/s or degrees/s; infinite if the file states none above 0.
+        lower: lowest position in mm or degrees; a continuous joint has a turn about 0.
+        speed: highest speed in mm/s or degrees/s; infinite if the file has none above 0.
     """
 
     name: str
@@ -76,14 +76,14 @@ class ChainMove:
 
 @dataclass(frozen=True, slots=True)
 class UrdfChain:
-    """A chain: its dimensions as robot files have them, its joints, and what to tell the user.
+    """A chain: dimensions for a robot file, joints, and notes for the user.
 
     Attributes:
-        base: link where it begins.
-        tip: link where it ends.
-        geometry: the keys of [kinematics].
-        moves: the joints that move.
-        notes: what the user should look at, a line each.
+        base: link at its start.
+        tip: link at its end.
+        geometry: keys of [kinematics].
+        moves: the moving joints.
+        notes: lines for the user to check.
     """
 
     base: str
@@ -94,12 +94,12 @@ class UrdfChain:
 
 
 def chain_of(tree: UrdfTree, base: str | None, tip: str | None, *, snap: bool) -> UrdfChain:
-    """Return the chain from a link to another, None for the root and for the only leaf that needs no mimic.
+    """Return the chain between two links; None means the root, or the only leaf that needs no mimic.
 
-    With `snap`, angles that nearly are a multiple of 15 degrees become it.
+    With `snap`, angles close to a multiple of 15 degrees become exact.
 
     Raises:
-        InputError: with the joint, if one in the chain cannot have a motor of its own, or a number is wrong.
+        InputError: with the joint, if one in the chain cannot have a motor of its own, or a number is invalid.
     """
     way = tree.way(base, tip)
     moving = [joint for joint in way if _is_moving(joint)]
@@ -134,7 +134,7 @@ def _is_moving(joint: UrdfJoint) -> bool:
 
 
 def _names(moving: Sequence[UrdfJoint]) -> dict[UrdfJoint, str]:
-    """Return the joints' names, without what would end a name in a robot file's tables."""
+    """Return the joints' names without characters that would end a name in a robot file."""
     names = {joint: sub(r"[^A-Za-z0-9_-]", "_", joint.name) for joint in moving}
     for joint, name in names.items():
         if list(names.values()).count(name) > 1:
@@ -145,7 +145,7 @@ def _names(moving: Sequence[UrdfJoint]) -> dict[UrdfJoint, str]:
 def _geometry(
     way: Sequence[UrdfJoint], names: dict[UrdfJoint, str], angle: Callable[[float], float]
 ) -> dict[str, Dimension]:
-    """Return the keys of [kinematics]; `angle` makes the angles in rad that are written."""
+    """Return the keys of [kinematics]; `angle` converts angles in rad."""
     base: list[FixedFrame] = []
     fixed: list[FixedFrame] = []
     placed: dict[UrdfJoint, FixedFrame] = {}
@@ -174,7 +174,7 @@ def _frame(joint: UrdfJoint, angle: Callable[[float], float]) -> FixedFrame:
 
 
 def _product(frames: Sequence[FixedFrame]) -> FixedFrame:
-    """Return frames one behind the other as one; a single one as it is written."""
+    """Return the product of frames; a single frame stays as written."""
     if len(frames) == 1:
         return frames[0]
     transform = np.eye(4)
@@ -193,7 +193,7 @@ def _nearest(angle_rad: float) -> float:
 
 
 def _is_nearly(angle_rad: float) -> bool:
-    """Return whether an angle is near a multiple of 15 degrees, but not it."""
+    """Return whether an angle is close to a multiple of 15 degrees, but not exact."""
     return _EXACT_RAD < abs(angle_rad - _nearest(angle_rad)) <= SNAPPED_RAD
 
 
@@ -212,12 +212,12 @@ def _move(joint: UrdfJoint, name: str) -> ChainMove:
 
 
 def _round(value: float) -> float:
-    """Return a limit without the dust of its conversion."""
+    """Return a limit without rounding errors of its conversion."""
     return round(value, 9) + 0.0
 
 
 def _notes_on_limits(joints: Sequence[UrdfJoint], moves: Sequence[ChainMove]) -> Iterator[str]:
-    """Yield what is probably no property of the machine but an exporter's placeholder."""
+    """Yield a note for each limit that is probably an exporter's placeholder."""
     rotary = [move for move in moves if move.kind == "revolute"]
     if len(rotary) > 1 and all(map(_is_quarter, rotary)):
         yield "limits are -90..90 deg at every revolute joint: probably a placeholder; set those of the machine"

@@ -1,8 +1,8 @@
 """Write a robot of the kind `chain` as a URDF: its joints with their frames, axes, limits and speeds, for ROS tools.
 
-Each joint moves a link of its own; a last fixed joint carries the link `tool0`, the tool's frame. A chain in frames is
-written with them, one in DH parameters with the frames of its table. What no URDF has is left out: transmissions,
-microsteps, switches, the driver, and where the base stands in the station.
+Each joint moves a link of its own; a last fixed joint carries the link `tool0`, the tool's frame. Frames of a chain
+stay as they are; DH parameters become the frames of their table. A URDF cannot have transmissions, microsteps,
+switches, the driver, or the place of the base in the station.
 """
 
 from collections.abc import Iterable
@@ -25,7 +25,7 @@ from steptwin.host.robots.kinematics.serial.rows import FixedFrame
 from steptwin.host.robots.robot import Robot
 
 TIP: Final = "tool0"
-"""Link of the tool's frame, as ROS-Industrial calls it."""
+"""Link of the tool's frame; ROS-Industrial's name."""
 _BASE: Final = "base_link"
 _HERE: Final = FixedFrame()
 _MM_PER_M: Final = 1000.0
@@ -33,7 +33,7 @@ _MM_PER_M: Final = 1000.0
 
 @dataclass(frozen=True, slots=True)
 class _Placed:
-    """A joint's frame in the one before it, and its axis there."""
+    """A joint's axis, and its frame in that of the joint before."""
 
     name: str
     frame: FixedFrame
@@ -77,7 +77,7 @@ def _unit_axis(axis: tuple[float, float, float]) -> tuple[float, float, float]:
 
 
 def _of_rows(table: DhTable) -> tuple[FixedFrame, list[_Placed], FixedFrame]:
-    """Return the frames of a DH table's rows, each joint about or along its z axis."""
+    """Return the frames of a DH table's rows; each joint's axis is z."""
     placed: list[_Placed] = []
     since = np.eye(4)
     for row in table.rows:
@@ -96,7 +96,7 @@ def _of_rows(table: DhTable) -> tuple[FixedFrame, list[_Placed], FixedFrame]:
 
 
 def _screw(x_mm: float, alpha_deg: float, z_mm: float, theta_deg: float) -> FloatArray:
-    """Return a screw along and about x or z, shape (4, 4)."""
+    """Return a screw motion along and about x or z, shape (4, 4)."""
     return FixedFrame((x_mm, 0.0, z_mm), (alpha_deg, 0.0, theta_deg)).matrix
 
 
@@ -111,7 +111,7 @@ def _moving(root: Element, placed: _Placed, links: tuple[str, str], joint: Joint
 
 
 def _joint(root: Element, name: str, kind: str, links: tuple[str, str], frame: FixedFrame) -> Element:
-    """Add a joint and the link that it carries; `links` are its parent and that link."""
+    """Add a joint and the link that it carries; `links` are its parent and its child."""
     parent, child = links
     SubElement(root, "link", name=child)
     element = SubElement(root, "joint", name=name, type=kind)
@@ -123,5 +123,5 @@ def _joint(root: Element, name: str, kind: str, links: tuple[str, str], frame: F
 
 
 def _spaced(values: Iterable[float]) -> str:
-    """Return numbers with all their digits, so that they are read as the same."""
+    """Return numbers with all digits, for exact reading."""
     return " ".join(map(repr, values))

@@ -1,4 +1,4 @@
-"""The text of a robot file made of a URDF, and what its user has to fill in, which no URDF says."""
+"""Make the text of a robot file from a URDF, and list the values that the user has to fill in."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from steptwin.features.urdf.urdf_chain import ChainMove, UrdfChain, chain_of
 from steptwin.features.urdf.urdf_tree import read_urdf
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_limits import URDF_BYTES_MAX
+from steptwin.host.common.file_limits import MIB
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.own_files import read_text
 from steptwin.host.robots import read_robot
@@ -24,21 +24,23 @@ from steptwin.host.robots.new_joint import NewJoint, board_with, read_joint
 from steptwin.host.robots.robot import Dimension
 
 KIND: Final = "chain"
+URDF_BYTES_MAX: Final = 1 * MIB
+"""A link of a URDF with masses, meshes and a joint has some 1 KiB; a robot with two arms and hands has some 100."""
 _RATIO: Final = 20.0
 _LEAD_MM: Final = 8.0
 _MICROSTEPS: Final = 8
-"""Placeholders until the user says what the machine has: a gear of 20, a screw of 8 mm, an eighth of a step."""
+"""Placeholders for the user: a gear of 20, a screw of 8 mm, an eighth of a step."""
 
 
 @dataclass(frozen=True, slots=True)
 class UrdfSource:
-    """The part of a URDF that becomes a robot.
+    """Part of a URDF that becomes a robot.
 
     Attributes:
         path: path of the file.
-        tip: link that is the tool; None for the only leaf that needs no mimic.
-        base: link that is the base; None for the root.
-        snap: make angles exact that nearly are a multiple of 15 degrees.
+        tip: link of the tool; None for the only leaf that needs no mimic.
+        base: link of the base; None for the root.
+        snap: True to make angles exact that are close to a multiple of 15 degrees.
     """
 
     path: str
@@ -47,7 +49,7 @@ class UrdfSource:
     snap: bool = False
 
     def robot(self, name: str, settings: Mapping[str, str]) -> NewRobot:
-        """Return the robot file; raise InputError, with the file or the setting, for what is wrong.
+        """Return the robot file; raise InputError, with the file or the setting, for errors.
 
         Args:
             name: name of the robot.
@@ -57,7 +59,7 @@ class UrdfSource:
             chain = chain_of(read_urdf(read_text(self.path, URDF_BYTES_MAX)), self.base, self.tip, snap=self.snap)
         with prefixed("--set "):
             joints = _with_settings(tuple(map(_new_joint, chain.moves)), settings)
-            geometry = chain.geometry | _told(settings)
+            geometry = chain.geometry | {key: read(settings[key]) for key, read in _TOLD.items() if key in settings}
         with prefixed(f"{self.path}: "):
             _check_ranges(joints)
             _check_held(geometry)
@@ -98,11 +100,6 @@ def _with_settings(joints: tuple[NewJoint, ...], settings: Mapping[str, str]) ->
     return tuple(by_name.values())
 
 
-def _told(settings: Mapping[str, str]) -> dict[str, Dimension]:
-    """Return the keys of [kinematics] that settings give: what the tool is told, and the joints that stay."""
-    return {key: _TOLD[key](settings[key]) for key in _TOLD if key in settings}
-
-
 def _held(text: str) -> list[str]:
     return [name.strip() for name in text.split(",")]
 
@@ -111,7 +108,7 @@ _TOLD: Final[dict[str, Callable[[str], Dimension]]] = {"task": str, "held": _hel
 
 
 def _check_held(geometry: Mapping[str, Dimension]) -> None:
-    """Raise InputError, with the setting that helps, if more joints move the tool than its task determines."""
+    """Raise InputError, with the remedy, if more joints move the tool than its task determines."""
     held = geometry.get("held", [])
     free = [name for name in geometry["chain"] if name not in held]
     if "task" in geometry or len(free) > JOINTS_MAX:
@@ -126,7 +123,7 @@ def _check_held(geometry: Mapping[str, Dimension]) -> None:
 
 
 def _check_ranges(joints: tuple[NewJoint, ...]) -> None:
-    """Raise InputError, with what sets them, for limits that are no range, as exporters leave them behind."""
+    """Raise InputError, with the remedy, for limits that exporters left without a range."""
     findings = Findings()
     for joint in joints:
         with findings.collecting():
@@ -140,7 +137,7 @@ def _check_ranges(joints: tuple[NewJoint, ...]) -> None:
 
 
 def _notes_on_inverse(text: str) -> Iterator[str]:
-    """Yield how poses become joints, and by how much the wrist's axes miss each other if they do."""
+    """Yield a note on the method of the inverse, and on wrist axes that miss each other."""
     robot = read_robot(text)
     kinematics = make_kinematics(robot)
     assert isinstance(kinematics, SixAxisArm)
@@ -153,7 +150,7 @@ def _notes_on_inverse(text: str) -> Iterator[str]:
 
 
 def _wrist_miss_mm(axes: ArmAxes) -> float:
-    """Return by how much the last three of six rotary axes miss one point; 0 for an arm without such a wrist."""
+    """Return the miss of the last three of six rotary axes; 0 for an arm without such a wrist."""
     if len(axes.slides) != 6 or any(axes.slides):
         return 0.0
     neighbours = np.cross(axes.directions[3:5], axes.directions[4:6])
@@ -161,7 +158,7 @@ def _wrist_miss_mm(axes: ArmAxes) -> float:
 
 
 def _to_fill_in(chain: UrdfChain, joints: tuple[NewJoint, ...], settings: Mapping[str, str]) -> Iterator[str]:
-    """Yield the values that the URDF does not have, with the placeholders that stand for them."""
+    """Yield the values that the URDF does not have, with their placeholders."""
     ends = ("lower", "upper")
     endless = [move.name for move in chain.moves if move.kind == "continuous"]
     if unset := [name for name in endless if not all(f"{name}.{end}" in settings for end in ends)]:

@@ -1,7 +1,7 @@
 """Read the tree of a URDF, its links and the joints between them: plain XML of ROS, version 1.0 to 1.2.
 
-A document type is refused before anything is parsed, since a URDF has none and entities could grow without end. Numbers
-of a joint are read when it is used: joints beside the way from the base to the tip may be of any kind.
+A document type is rejected before parsing, since a URDF has none and entities could grow without end. Numbers of a
+joint are read on use: joints outside the chain from base to tip may be of any kind.
 
 Source: https://wiki.ros.org/urdf/XML/joint; `quat_xyzw` of version 1.1: the README of ros/urdfdom.
 """
@@ -21,17 +21,17 @@ from steptwin.host.common.tables import check_name
 
 _XACRO: Final = "is xacro, not a URDF: run xacro first, as in: xacro robot.xacro > robot.urdf"
 _XACRO_NAMES: Final = ("property", "arg", "macro")
-"""Elements of xacro that name something. Where the name is used, `${`, `$(` or an element of that name tells."""
+"""Elements of xacro that only define names. `${`, `$(` or an element with such a name shows a use."""
 _MM_PER_M: Final = 1000.0
 _NORM_OFF: Final = 1e-3
-"""Distance from 1 that the norm of a quaternion may have: the rounding of its four numbers."""
+"""Largest deviation of a quaternion's norm from 1, from the rounding of its four numbers."""
 _AXIS_LEAST: Final = 1e-6
-"""Least length of an axis, as robot files have it."""
+"""Least length of an axis, as in robot files."""
 
 NAME_CHARS_MAX: Final = 200
-"""Characters of a name of a link or joint, which stands in messages; those of the largest robots have some 60."""
+"""Longest name of a link or joint in messages; those of the largest robots have some 60 characters."""
 LINKS_MAX: Final = 1000
-"""Links of a URDF: a robot with two arms, hands and all its sensors has some 200."""
+"""Largest number of links; a robot with two arms, hands and all its sensors has some 200."""
 MOVING: Final = ("revolute", "continuous", "prismatic")
 FIXED: Final = "fixed"
 
@@ -40,15 +40,15 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UrdfJoint:
-    """A joint of a URDF between two links; raises InputError, with the joint's name, when a wrong number is read.
+    """A joint of a URDF between two links; reading an invalid number raises InputError with the joint's name.
 
     Attributes:
         name: its name.
         kind: its type, such as `revolute`.
         parent: link that carries it.
         child: link that it moves.
-        mimics: name of the joint that it follows; empty for a joint that moves by itself.
-        element: the element of the file.
+        mimics: name of the joint that it follows; empty for an independent joint.
+        element: XML element of the file.
     """
 
     name: str
@@ -60,23 +60,23 @@ class UrdfJoint:
 
     @property
     def slides(self) -> bool:
-        """True for a prismatic joint: its limits are in m, those of the others in rad."""
+        """True for a prismatic joint: its limits are in m, those of other joints in rad."""
         return self.kind == "prismatic"
 
     @property
     def xyz_mm(self) -> Triple:
-        """Place in the frame of the parent; without an origin 0 0 0."""
+        """Origin in the parent's frame; 0 0 0 if missing."""
         x, y, z = self._triple("origin", "xyz", (0.0, 0.0, 0.0))
         return x * _MM_PER_M, y * _MM_PER_M, z * _MM_PER_M
 
     @property
     def rpy_rad(self) -> Triple:
-        """Roll, pitch and yaw there, about the fixed axes; without an origin 0 0 0."""
+        """Roll, pitch and yaw of the origin about fixed axes; 0 0 0 if missing."""
         return self._triple("origin", "rpy", (0.0, 0.0, 0.0))
 
     @property
     def quaternion_xyzw(self) -> tuple[float, ...] | None:
-        """The turn there as a quaternion of norm 1, which a URDF of version 1.1 may have in place of rpy."""
+        """Rotation of the origin as a unit quaternion, which URDF 1.1 allows in place of rpy."""
         origin = _child(self.element, "origin")
         if origin is None or "quat_xyzw" not in origin.attrib:
             return None
@@ -91,14 +91,14 @@ class UrdfJoint:
 
     @property
     def axis(self) -> Triple:
-        """Axis in the joint's frame, of any length but 0; without one 1 0 0."""
+        """Axis in the joint's frame, of any length but 0; 1 0 0 if missing."""
         axis = self._triple("axis", "xyz", (1.0, 0.0, 0.0))
         if not float(np.linalg.norm(axis)) >= _AXIS_LEAST:
             raise InputError(f"joint {self.name!r}: axis 0 0 0 is no direction; 0 0 1 is along z")
         return axis
 
     def limit(self, key: str) -> float | None:
-        """Return a number of the joint's limit in m or rad: lower, upper, velocity or effort; None if it has none."""
+        """Return a number of the joint's limit in m or rad: lower, upper, velocity or effort; None if missing."""
         element = _child(self.element, "limit")
         if element is None or key not in element.attrib:
             return None
@@ -116,16 +116,16 @@ class UrdfJoint:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UrdfTree:
-    """The links of a URDF, and the joint that carries each of them, by the link's name."""
+    """The links of a URDF, and the joint that carries each link, by the link's name."""
 
     links: tuple[str, ...]
     carrying: dict[str, UrdfJoint]
 
     def way(self, base: str | None, tip: str | None) -> tuple[UrdfJoint, ...]:
-        """Return the joints from a link to another, by default from the root to the only leaf that needs no mimic.
+        """Return the joints between two links, by default from the root to the only leaf that needs no mimic.
 
         Raises:
-            InputError: there is no such link, no way between both, or more than one leaf.
+            InputError: a link does not exist, no path joins the two, or there is more than one leaf.
         """
         for option, link in (("--base", base), ("--tip", tip)):
             if link is not None and link not in self.links:
@@ -166,7 +166,7 @@ class UrdfTree:
 
 
 def _all_mimic(ways: Sequence[Sequence[UrdfJoint]]) -> str:
-    """Return that every way, each from its last link on, has a joint that follows another, and where each can end."""
+    """Return whether every path has a mimic joint, each from its last link on, and where each can end."""
     first = [next(joint for joint in reversed(way) if joint.mimics) for way in ways]
     followers = ", ".join(dict.fromkeys(f"{joint.name!r} follows {joint.mimics!r}" for joint in first))
     ends = " or ".join(dict.fromkeys(f"--tip {joint.parent}" for joint in first))
@@ -174,7 +174,7 @@ def _all_mimic(ways: Sequence[Sequence[UrdfJoint]]) -> str:
 
 
 def read_urdf(text: str) -> UrdfTree:
-    """Return the tree of a URDF; raise InputError for a text that is none."""
+    """Return the tree of a URDF; raise InputError for another text."""
     lower = text.lower()
     for mark in ("<!doctype", "<!entity"):
         if mark in lower:
@@ -248,7 +248,7 @@ def _numbers(key: str, text: str, count: int) -> list[float]:
 
 
 def _makes_more(root: Element) -> bool:
-    """Return whether xacro would make elements here. What it only names, and nothing uses, changes nothing."""
+    """Return whether xacro would create elements here; unused definitions do not count."""
     left = [root]
     while left:
         element = left.pop()
@@ -261,7 +261,7 @@ def _makes_more(root: Element) -> bool:
 
 
 def _refuse_used(text: str) -> None:
-    """Raise InputError for a text in which xacro would put a value."""
+    """Raise InputError for a text in which xacro would insert a value."""
     _refuse_xacro("${" in text or "$(" in text)
 
 

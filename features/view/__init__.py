@@ -1,4 +1,4 @@
-"""View stored runs in a browser: arm, joints, pins, currents and marks at any instant."""
+"""Replay stored runs in a browser: arm, joints, pins, currents and marks at any instant."""
 
 from typing import Final
 

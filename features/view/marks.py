@@ -1,4 +1,4 @@
-"""Marks on a run's time for what has happened: broken limits of drivers, outputs, drives' states and errors."""
+"""Marks on a run's time axis: violated limits of drivers, outputs, drive states and errors."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,10 +18,10 @@ from steptwin.protocol.objects import ENTRIES, TPDO_DEFAULTS
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
 TOGETHER_COUNTS: Final = 20 * COUNTS_PER_MS
-"""Violations of one limit, or the same error or state of several drives, that follow each other faster are one mark."""
+"""Largest gap within one mark: violations of one limit, or the same error or state of several drives."""
 
 _LOOK_BACK: Final = 40
-"""Number of marks among which that of the other drives is looked for: eight drives with all their states."""
+"""Number of recent marks that are searched for the same event of other drives: eight drives with all their states."""
 
 _STATUS_BYTES: Final = sum(ENTRIES[address].data_type.size for address in TPDO_DEFAULTS[0].mapping)
 
@@ -37,7 +37,7 @@ class MarkKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class RunMark:
-    """Something that has happened, at an instant or until another one, in counts since power-up."""
+    """An event at an instant or over a time span, in counts since power-up."""
 
     kind: MarkKind
     counts: int
@@ -47,7 +47,7 @@ class RunMark:
 
 
 def violation_marks(axis: AxisEvidence) -> Iterator[RunMark]:
-    """Yield a mark for each stretch of violations of one limit."""
+    """Yield a mark for each group of violations of one limit."""
     violations = axis.violations
     for index, limit in enumerate(violations.limits):
         chosen = np.flatnonzero(violations.which == index)
@@ -67,7 +67,7 @@ def _violation(name: str, violations: DriverViolations, chosen: Int64Array, brok
 
 
 def _stretches(counts: Int64Array) -> Iterator[slice]:
-    """Yield the parts of sorted instants that are not further apart than TOGETHER_COUNTS."""
+    """Yield the groups of sorted instants without gaps above TOGETHER_COUNTS."""
     ends = [*(np.flatnonzero(np.diff(counts) > TOGETHER_COUNTS) + 1).tolist(), counts.size]
     first = 0
     for end in ends:
@@ -84,9 +84,10 @@ def output_marks(changes: tuple[OutputEdge, ...]) -> Iterator[RunMark]:
 
 
 def bus_marks(log: Path, names: tuple[str, ...], frames: int | None = None) -> list[RunMark]:
-    """Return a mark for each error that a drive has reported, and for each change of the drives' states.
+    """Return a mark for each error reported by a drive, and for each change of a drive's state.
 
-    Drives with the same error or state one after another share a mark. With `frames`, only so many of the log count.
+    Drives with the same error or state shortly after another share a mark. `frames` limits the lines of the log that
+    count.
 
     Raises:
         InputError: a line is not in candump's format; the message names file and line.
@@ -108,7 +109,7 @@ def bus_marks(log: Path, names: tuple[str, ...], frames: int | None = None) -> l
 
 
 def _state_words(statusword: int) -> str:
-    """Return a drive's state in words, which several of the standard's states share; empty for none of them."""
+    """Return a drive's state as text; states of the standard with one text are joined; empty for no state."""
     try:
         return state_words(State.of(statusword))
     except ValueError:
@@ -116,7 +117,7 @@ def _state_words(statusword: int) -> str:
 
 
 def _add(marks: list[RunMark], kind: MarkKind, counts: int, who: str, text: str) -> None:
-    """Add a drive's error or new state, to an earlier mark if other drives had the same shortly before."""
+    """Add a drive's error or new state, to an earlier mark if another drive had the same shortly before."""
     for i in range(len(marks) - 1, max(len(marks) - _LOOK_BACK, 0) - 1, -1):
         mark = marks[i]
         together = counts - mark.until_counts <= TOGETHER_COUNTS
@@ -127,6 +128,6 @@ def _add(marks: list[RunMark], kind: MarkKind, counts: int, who: str, text: str)
 
 
 def time_words(mark: RunMark, start_counts: int) -> str:
-    """Return when a mark is, in the motion's time."""
+    """Return a mark's time as text, in the motion's time."""
     first_s, last_s = ((counts - start_counts) / COUNTS_PER_SECOND for counts in (mark.counts, mark.until_counts))
     return f"{first_s:.6f} s" if mark.counts == mark.until_counts else f"{first_s:.6f} to {last_s:.6f} s"

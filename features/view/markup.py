@@ -1,7 +1,7 @@
 """The pictures and tables of a replay as markup: pins, currents, the strip above the slider, joints.
 
-Pictures are stretched to the width of their card, so texts stand beside them. Colours are the page's: CSS variables of
-its style sheet. Texts from files are escaped.
+Pictures are stretched to the width of their card, so texts are outside of them. Colours are CSS variables of the page's
+style sheet. Texts from files are escaped.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 WIDTH: Final = 1000
-"""Width of the pictures in their own units; the page stretches them."""
+"""Width of the pictures in their own units; the page scales them."""
 
 _LANE: Final = 22
 _HIGH: Final = 14
@@ -79,7 +79,7 @@ def currents_picture(both: tuple[Lane, Lane], span: Span, cursor_counts: int) ->
 def strip_picture(
     t_s: FloatArray, values: FloatArray, ends_s: tuple[float, float], marks: Sequence[tuple[float, RunMark]]
 ) -> str:
-    """Return a picture of all that the slider covers: a curve that is never below 0, and the marks.
+    """Return a picture of the slider's whole range: a curve of values from 0 on, and the marks.
 
     Args:
         t_s: shape (n,), sorted.
@@ -171,7 +171,7 @@ def _line(path: str, colour: str, width: float = 1.0, more: str = "") -> str:
 
 
 def _course(x: FloatArray, y: FloatArray) -> str:
-    """Return the path of a value that holds from each instant to the next, and to the end."""
+    """Return the path of a step function: each value holds until the next instant, the last one to the end."""
     steps = "".join(f"H{across:.2f}V{down:.2f}" for across, down in zip(x[1:], y[1:], strict=True))
     return f"M{x[0]:.2f} {y[0]:.2f}{steps}H{WIDTH}"
 

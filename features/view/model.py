@@ -1,7 +1,6 @@
-"""A stored run as a replay shows it: what every joint, pin and current was at an instant, and what comes before and
-after.
+"""A stored run at any instant: joints, pins and currents, and the edges before and after.
 
-An instant is a whole number of counts of the board's timer since power-up, so that each edge has its own. The data stay
+An instant is a whole number of counts of the board's timer since power-up, so each edge has its own. The data stay
 here; a page gets windows of them.
 """
 
@@ -29,21 +28,21 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 PATH_INSTANTS: Final = 2001
 _EXTENT_INSTANTS: Final = 201
-"""Instants of the motion where the whole arm is looked at; the tool's path has PATH_INSTANTS."""
+"""Instants of the motion at which the whole arm is examined; the tool's path has PATH_INSTANTS."""
 _COURSE_INSTANTS: Final = 4001
-"""Instants when the distance of two runs' tools is taken."""
+"""Instants when the distance of two runs' tools is computed."""
 LEAD_S: Final = 1.0
-"""Time before the motion's start that the slider covers; what is earlier, such as switching on, can be stepped to."""
+"""Time before the motion's start that the slider covers; steps reach earlier events, such as switching on."""
 
 POINTS_MAX: Final = 400
-"""Largest number of changes of one signal that a window shows one by one: more would merge into a band."""
+"""Largest number of changes of one signal that a window shows singly; more would merge into a band."""
 _ALWAYS: Final = ("step", "dir")
 _CURRENTS: Final = ("phase_a_ma", "phase_b_ma")
 
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """A part of a record, in counts since power-up; both ends belong to it."""
+    """A part of a record, in counts since power-up, with both ends."""
 
     from_counts: int
     to_counts: int
@@ -56,9 +55,9 @@ class Lane:
     Attributes:
         axis: name of the axis.
         quantity: name of the pin, or of a current.
-        counts: shape (n,), the window's beginning, then the instants of the changes.
-        values: shape (n,), the value from each of them on.
-        changes: how many changes there are in the window; if there are too many, only the first value is shown.
+        counts: shape (n,), the start of the window, then the instants of the changes.
+        values: shape (n,), the value after each of these instants.
+        changes: number of changes in the window; if there are too many, only the first value is shown.
     """
 
     axis: str
@@ -69,7 +68,7 @@ class Lane:
 
     @property
     def crowded(self) -> bool:
-        """True if the changes are too many to be shown."""
+        """True if there are too many changes to show."""
         return self.changes >= self.counts.size
 
 
@@ -105,7 +104,7 @@ class JointRow:
         unit: `mm` or `deg`.
         planned: planned position.
         counted: position at the drivers' counts.
-        steps: the count of the joint's own driver.
+        steps: count of the joint's own driver.
         error_steps: that count minus the planned position of the axis, in steps.
     """
 
@@ -124,13 +123,13 @@ class Instant:
     Attributes:
         counts: the instant.
         joints: every joint.
-        task: task of the tool, which says what the coordinates of its poses are.
-        planned_pose: the tool's coordinates as planned.
-        counted_pose: the same at the drivers' counts.
+        task: task of the tool, which defines the coordinates of its poses.
+        planned_pose: planned coordinates of the tool.
+        counted_pose: coordinates of the tool at the drivers' counts.
         tool_error_mm: distance of the two.
-        before: the last edge of any pin before the instant; None before the first.
-        after: the first edge after it; None after the last.
-        has_plan: False if only counts are known: then what is planned is what was counted.
+        before: last edge of any pin before the instant; None before the first.
+        after: first edge after it; None after the last.
+        has_plan: False if only counts are known; the planned values then equal the counted ones.
     """
 
     counts: int
@@ -151,7 +150,7 @@ class Replay:
         self.run = run
         self.machine: RecordedMachine = RecordedMachine.of(run)
         self.marks: tuple[RunMark, ...] = tuple(sorted(marks, key=lambda mark: mark.counts))
-        """Everything that has happened, in order of time."""
+        """All marks in order of time."""
         evidence = run.comparison.evidence
         self.start_counts: int = evidence.start_counts
         record, motion_counts = whole_record(evidence), round(run.duration_s * COUNTS_PER_SECOND)
@@ -159,7 +158,7 @@ class Replay:
         """The whole record, from power-up to the last edge or the motion's end."""
         lead_counts = int(LEAD_S * COUNTS_PER_SECOND)
         self.shown: Span = Span(max(0, self.start_counts - lead_counts), self.record.to_counts)
-        """The part that a slider covers: the motion, and what is shortly before it."""
+        """The slider's range: the motion and a short time before it."""
         self._pins = pins(evidence)
         self._currents = {
             axis.name: tuple(signal for signal in phases(axis) if signal.quantity in _CURRENTS)
@@ -168,7 +167,7 @@ class Replay:
 
     @classmethod
     def of_folder(cls, folder: Path, plan_folder: Path | None = None) -> Self:
-        """Read a run's folder; raise InputError as `read_run` does, or if the bus log is missing or wrong."""
+        """Read a run's folder; raise InputError as `read_run`, or if the bus log is missing or invalid."""
         run = read_run(folder, plan_folder, counts_suffice=True)
         evidence, recording = run.comparison.evidence, run.report.recording
         marks = [mark for axis in evidence.axes for mark in violation_marks(axis)]
@@ -178,16 +177,16 @@ class Replay:
         return cls(run, marks)
 
     def time_s(self, counts: int) -> float:
-        """Return an instant in the motion's time."""
+        """Return the motion's time of an instant."""
         return (counts - self.start_counts) / COUNTS_PER_SECOND
 
     def counts_at(self, t_s: float) -> int:
-        """Return the nearest instant to a time of the motion, within the record."""
+        """Return the nearest instant in the record to a time of the motion."""
         counts = self.start_counts + round(t_s * COUNTS_PER_SECOND)
         return min(max(counts, self.record.from_counts), self.record.to_counts)
 
     def at(self, counts: int) -> Instant:
-        """Return the run at an instant, after the edges at the instant itself."""
+        """Return the run at an instant, with the edges at that instant applied."""
         t_s = np.array([self.time_s(counts)])
         planned, counted = self.machine.planned_joints(t_s), self.machine.counted_joints(t_s)
         kinematics = self.machine.kinematics
@@ -206,19 +205,19 @@ class Replay:
         )
 
     def edge_before(self, counts: int, axis: str | None = None) -> Edge | None:
-        """Return the last edge before an instant, of one axis or of any; None if there is none."""
+        """Return the last edge before an instant, of one axis or of all; None if there is none."""
         return max(
             self._nearest(axis, lambda changes: changes.before(counts)), key=lambda edge: edge.counts, default=None
         )
 
     def edge_after(self, counts: int, axis: str | None = None) -> Edge | None:
-        """Return the first edge after an instant, of one axis or of any; None if there is none."""
+        """Return the first edge after an instant, of one axis or of all; None if there is none."""
         return min(
             self._nearest(axis, lambda changes: changes.after(counts)), key=lambda edge: edge.counts, default=None
         )
 
     def lanes(self, span: Span, axes: Iterable[str] | None = None) -> list[Lane]:
-        """Return STEP and DIR of each axis, or of some, and every other pin that changes in a window."""
+        """Return STEP and DIR of each axis, or of some, and every other pin with changes in a window."""
         lanes = [lane(signal, span) for signal in self._pins if axes is None or signal.axis in set(axes)]
         return [each for each in lanes if each.quantity in _ALWAYS or each.changes]
 
@@ -229,7 +228,7 @@ class Replay:
 
     @property
     def busiest_axis(self) -> str:
-        """The axis that has made the most steps."""
+        """The axis with the most steps."""
         return max(self.run.comparison.evidence.axes, key=lambda axis: axis.step_counts.size).name
 
     @cached_property
@@ -239,10 +238,10 @@ class Replay:
 
     @cached_property
     def extent_mm(self) -> FloatArray:
-        """The points that a view of the run must hold, shape (n, 3), all of them finite.
+        """The points that a view of the run must contain, shape (n, 3), all of them finite.
 
-        A mechanism that its counts pull apart has no place. Guides that are longer than all that moves, such as a rail,
-        are left out, and boxes unless one of them moves.
+        Poses without a solution are left out. So are guides longer than all moving parts, such as a rail, and boxes
+        that do not move.
         """
         times_s = np.linspace(0.0, self.run.duration_s, _EXTENT_INSTANTS)
         parts, shifts_mm = self.machine.links(times_s), self.machine.box_shifts_mm(times_s)
@@ -273,7 +272,7 @@ class Replay:
         )
 
     def _nearest(self, axis: str | None, instant: Callable[[Changes], int | None]) -> list[Edge]:
-        """Return each pin's edge at an instant of its changes, of one axis or of any, where that is not None."""
+        """Return each pin's edge at `instant` of its changes, of one axis or of all, if it is not None."""
         found = [(signal, instant(signal.changes)) for signal in self._pins if axis is None or signal.axis == axis]
         return [
             Edge(counts, signal.axis, signal.quantity, int(signal.changes.at(counts)))
@@ -284,12 +283,12 @@ class Replay:
 
 @dataclass(frozen=True, slots=True)
 class Apart:
-    """The second run minus the first at an instant: counted joints by name, and the tool.
+    """Difference of the second run minus the first at an instant: counted joints by name, and the tool.
 
     Attributes:
         joints: difference of each joint, in its unit.
         tool_mm: distance of the tools.
-        attitude_deg: angle between the orientations; of a SCARA with its sign.
+        attitude_deg: angle between the orientations; for a SCARA with sign.
     """
 
     joints: dict[str, float]
@@ -299,14 +298,14 @@ class Apart:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Course:
-    """The distance of the two tools over time: shapes (n,)."""
+    """Distance of the two tools over time: arrays of shape (n,)."""
 
     t_s: FloatArray
     tool_mm: FloatArray
 
 
 class RunPair:
-    """Two runs at the same time of their motions; raises InputError unless both are of one mechanism."""
+    """Two runs at the same motion time; raises InputError if their mechanisms differ."""
 
     def __init__(self, first: Replay, second: Replay) -> None:
         for what in ("joint_names", "kinematics", "geometry"):
@@ -318,7 +317,7 @@ class RunPair:
         self.second: Replay = second
 
     def at(self, t_s: float) -> Apart:
-        """Return how far the machines are apart at a time of both motions; after its end a machine stands still."""
+        """Return the difference of the machines at a time of both motions; a machine is still after its motion."""
         instant_s = np.array([t_s])
         joints = [replay.machine.counted_joints(instant_s)[0] for replay in (self.first, self.second)]
         poses = [replay.machine.counted_poses(instant_s) for replay in (self.first, self.second)]
@@ -340,5 +339,5 @@ def _finite(points_mm: FloatArray) -> FloatArray:
 
 
 def _length_mm(points_mm: FloatArray) -> float:
-    """Return the distance between the ends of a part, the greatest of all instants."""
+    """Return the largest distance between the ends of a part over all instants."""
     return float(np.linalg.norm(points_mm[:, -1] - points_mm[:, 0], axis=1).max())

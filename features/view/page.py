@@ -1,7 +1,7 @@
 """Serve stored runs in a browser, to this machine only: one run, or two side by side.
 
-Its cards are the bar that moves the cursor, or lets the motion run faster or slower than it did, the arms in three
-dimensions, pins and currents.
+Its cards are a transport bar for the cursor, with playback at various speeds, a 3D scene of the arms, pins and
+currents.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,16 +25,16 @@ from steptwin.host.robots.kinematics.marks import Skeleton
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 SPEEDS: Final = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
-"""Speeds that a user can choose, as factors of real time."""
+"""Playback speeds, as factors of real time."""
 
 
 class Player:
-    """The time that a page shows of one run, or of two side by side.
+    """Displayed time of one run, or of two side by side.
 
     Attributes:
-        t_s: the time, in that of the motion.
-        playing: whether it runs.
-        speed: seconds of the motion in a second.
+        t_s: the time of the motion.
+        playing: True while the time advances.
+        speed: seconds of the motion per second.
     """
 
     def __init__(self, replays: Sequence[Replay]) -> None:
@@ -46,17 +46,17 @@ class Player:
         self.speed: float = 1.0
 
     def play(self) -> None:
-        """Let the time run; from the motion's start if it is at its end."""
+        """Start playback; at the motion's end from its start."""
         if self.t_s >= self.last_s:
             self.t_s = 0.0
         self.playing = True
 
     def pause(self) -> None:
-        """Let the time stand."""
+        """Stop playback."""
         self.playing = False
 
     def advance(self, dt_s: float) -> bool:
-        """Let some time pass in the world; return whether the time shown has changed. At the end it stands."""
+        """Advance by a real time; return whether the displayed time has changed. It stops at the end."""
         if not self.playing:
             return False
         self.t_s = min(self.t_s + dt_s * self.speed, self.last_s)
@@ -64,12 +64,12 @@ class Player:
         return True
 
     def seek(self, t_s: float) -> None:
-        """Stand at a time; one outside the shown part is reached only by steps."""
+        """Go to a time and stop; only steps reach times outside the slider's range."""
         self.pause()
         self.t_s = min(max(t_s, self.first_s), self.last_s)
 
     def step(self, way: int, run: int = 0, axis: str | None = None) -> Edge | None:
-        """Go to the next edge of a run's pins, or to the one before (way -1), and return it; None if there is none."""
+        """Go to the next edge of a run's pins, with way -1 to the previous one, and return it; None without one."""
         self.pause()
         replay = self._replays[run]
         find = replay.edge_before if way < 0 else replay.edge_after
@@ -79,7 +79,7 @@ class Player:
         return edge
 
     def step_to_mark(self, way: int, run: int = 0) -> None:
-        """Go to the next mark of a run, or to the one before (way -1), if there is one."""
+        """Go to the next mark of a run, or with way -1 to the previous one, if there is one."""
         self.pause()
         replay = self._replays[run]
         now = replay.counts_at(self.t_s)
@@ -92,10 +92,10 @@ _ANY: Final = "any axis"
 
 
 class Transport:
-    """The bar; `changed` is called when it has moved the cursor.
+    """The transport bar; `changed` is called when it has moved the cursor.
 
     Attributes:
-        run: the run whose edges and marks the steps go to, 0 or 1.
+        run: run with the edges and marks to step to, 0 or 1.
     """
 
     def __init__(self, player: Player, replays: tuple[Replay, ...], strip: str, changed: Callable[[], None]) -> None:
@@ -145,7 +145,7 @@ class Transport:
         self._changed()
 
     def _pressed(self, event: events.KeyEventArguments) -> None:
-        """Take the keys of a player: space, and the arrows for edges, with the shift key for marks."""
+        """Handle the keys of a player: space, and arrows for edges, with shift for marks."""
         if not event.action.keydown:
             return
         ways = {"ArrowLeft": -1, "ArrowRight": 1}
@@ -168,7 +168,7 @@ class Transport:
 
 
 def _words(edge: Edge | None, shown: Instant) -> str:
-    """Return an edge and how far away it is."""
+    """Return an edge and its distance as text."""
     if edge is None:
         return "no edge"
     away_us = abs(edge.counts - shown.counts) / 72
@@ -181,7 +181,7 @@ _ALL: Final = "all"
 
 
 class PinsCard:
-    """The windows of one run; `changed` is called when the user chooses another one."""
+    """Windows of one run; `changed` is called when the user selects another one."""
 
     def __init__(self, replays: tuple[Replay, ...], changed: Callable[[], None]) -> None:
         self._replays = replays
@@ -216,11 +216,11 @@ class PinsCard:
 
 _ARMS: Final[tuple[Arm, ...]] = ("arm", "other")
 _POINTS: Final = 800
-"""Points of a path: as fine as a screen."""
+"""Points of a path: enough for the resolution of a screen."""
 
 
 class ReplayScene:
-    """The scene; the first run's arm is in the arm's colour, the second's in another."""
+    """3D scene; the second run's arm has another colour."""
 
     def __init__(self, replays: tuple[Replay, ...]) -> None:
         self._replays, self._skeletons = replays, [Skeleton(each.run.robot) for each in replays]
@@ -249,7 +249,7 @@ class ReplayScene:
         """Show every run's arm at a time."""
         for arm, replay, skeleton in zip(_ARMS, self._replays, self._skeletons, strict=False):
             links = skeleton.whole(replay.machine.counted_joints(np.array([t_s])))
-            if all(np.isfinite(link.points_mm).all() for link in links):  # else its counts have pulled it apart
+            if all(np.isfinite(link.points_mm).all() for link in links):  # the counts have pulled the mechanism apart
                 self._scene.show_arm(arm, [link.points_mm[0] for link in links])
             else:
                 self._scene.clear_shape(arm)
@@ -283,7 +283,7 @@ MARKS_MAX: Final = 300
 
 
 class ReplayPage:
-    """The views of one browser; the runs are shared by all."""
+    """The page of one browser; all browsers share the runs."""
 
     def __init__(self, replays: tuple[Replay, ...]) -> None:
         self._replays = replays
@@ -341,7 +341,7 @@ class ReplayPage:
         return strip_picture(t_s, np.nan_to_num(values), (self._player.first_s, self._player.last_s), marks)
 
     def _course(self) -> tuple[FloatArray, FloatArray]:
-        """Return the curve above the slider: how far the tool is from its plan, or the two tools from each other."""
+        """Return the curve above the slider: the tool's error, or the distance of the two tools."""
         if self._difference is not None:
             return self._difference.course.t_s, self._difference.course.tool_mm
         replay = self._replays[0]
@@ -384,7 +384,7 @@ class ReplayPage:
 
 
 def _verdict(replay: Replay) -> tuple[str, Tone]:
-    """Return what the run's report says of it, and how it is meant."""
+    """Return the verdict of the run's report, and its colour."""
     report = replay.run.report
     if report.fault is not None:
         return "stopped by a fault", "bad"
@@ -400,9 +400,9 @@ def serve_replay(
 
     Args:
         folders: one or two folders of runs.
-        plan_folder: as for `read_run`, for the first of them.
+        plan_folder: as for `read_run`, for the first run.
         port: TCP port; None takes the usual one, or a free one if it is in use; 0 takes a free one.
-        announce: called with the page's URL when browsers can open it.
+        announce: called with the page's URL when the page is ready.
 
     Raises:
         InputError: as `Replay.of_folder` and `RunPair` do.

@@ -1,4 +1,4 @@
-"""The frame of the command line: commands join one typer app, and an error becomes one line and an exit code."""
+"""Frame of the command line: commands join one typer app, and an error becomes one line and an exit code."""
 
 import logging
 import sys
@@ -25,11 +25,11 @@ from steptwin.host.common.processes import collect_seldom
 
 
 class CliCommand(TyperCommand):
-    """A command whose help names arguments by words such as FILE, and whose options may stand alone.
+    """A command with placeholders such as FILE in its help, and with options that may stand without a value.
 
     Attributes:
-        examples: its examples, which stand at the end of its help.
-        values_alone: its options that may stand without a value, and the value that they have then.
+        examples: examples at the end of its help.
+        values_alone: default values of options without a value.
     """
 
     examples: Sequence[str] = ()
@@ -49,7 +49,7 @@ class CliCommand(TyperCommand):
 
 
 class Commands(TyperGroup):
-    """The program itself, `steptwin`; it imports the module of a command when the command is called."""
+    """The program `steptwin`; it imports the module of a command when the command is called."""
 
     def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002
         return list(command_table())
@@ -69,7 +69,7 @@ class Commands(TyperGroup):
 
 
 _imported: Final[dict[str, CliCommand]] = {}
-"""The commands whose modules have been imported, by name."""
+"""Commands with imported modules, by name."""
 
 
 def command_named(name: str) -> CliCommand:
@@ -79,7 +79,7 @@ def command_named(name: str) -> CliCommand:
 
 
 def _with_values(words: Sequence[str], alone: Mapping[str, str]) -> Iterator[str]:
-    """Yield the words of a command line; an option that stands alone gets its value."""
+    """Yield the words of a command line; an option without a value gets its default."""
     for index, word in enumerate(words):
         if word == "--":
             yield from words[index:]
@@ -101,15 +101,15 @@ _Function = TypeVar("_Function", bound=Callable[..., None])
 
 
 def command(*examples: str, negatives: bool = False) -> Callable[[_Function], _Function]:
-    """Return a decorator that adds a function to the command line, by its name and with its docstring as help.
+    """Return a decorator that adds a function to the command line, with its name and its docstring as help.
 
     Args:
-        examples: the words behind the command's name in each example at the end of its help.
-        negatives: its arguments may be negative numbers, which otherwise look like options.
+        examples: words after the command's name, for each example at the end of its help.
+        negatives: True if its arguments may be negative numbers, which otherwise look like options.
     """
 
     def add(function: _Function) -> _Function:
-        from steptwin.host.cli.options import with_groups  # `steptwin --help` has no options of commands
+        from steptwin.host.cli.options import with_groups  # `steptwin --help` does not list options of commands
 
         name = function.__name__.replace("_", "-")
         callback, alone = with_groups(function)
@@ -132,11 +132,11 @@ def command(*examples: str, negatives: bool = False) -> Callable[[_Function], _F
 
 
 _NOT_RIGHT: Final = 1
-"""Exit code of a command whose answer is that something is not as it should be."""
+"""Exit code of a command with a negative answer."""
 
 
 def end_unless(right: bool) -> None:
-    """End the command with exit code 1 if what it has found is not right."""
+    """End the command with exit code 1 if `right` is False."""
     if not right:
         raise typer.Exit(_NOT_RIGHT)
 
@@ -153,13 +153,13 @@ def _of_the_program(
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
-    """Take the options of `steptwin` itself, which stand before a command, and tell of features that are broken."""
+    """Handle the options of `steptwin` itself, before any command, and report broken features."""
     for reason in (*broken_features().values(), *refused_commands()):
         say(f"steptwin: {reason}", err=True)
 
 
 _INTERRUPTED: Final = 130
-"""Exit code of a command that Ctrl-C has ended, as shells count: 128 + 2."""
+"""Exit code of a command ended by Ctrl-C: 128 + 2, as in shells."""
 
 
 def main() -> int:
@@ -170,7 +170,7 @@ def main() -> int:
     return run(sys.argv[1:])
 
 
-# The user sees an error of these libraries as our one line; without a handler, logging would print it once more.
+# Errors of these libraries become our one line; without a handler, logging would print them, too.
 for library in ("can", "canopen"):
     logging.getLogger(library).addHandler(logging.NullHandler())
 
@@ -181,10 +181,10 @@ def run(arguments: list[str]) -> int:
         return int(program()(args=arguments, standalone_mode=False) or 0)
     except StepTwinError as error:
         return _complain(str(error), error.exit_code)
-    except typer.Abort:  # Ctrl-C or the end of the input, at a question
+    except typer.Abort:  # Ctrl-C or the end of the input at a question
         say("", err=True)
         return _INTERRUPTED
-    except TyperException as error:  # usage: an unknown command or option, a missing argument, or no command at all
+    except TyperException as error:  # usage: an unknown command or option, a missing argument, or no command
         return _complain(error.format_message(), InputError.exit_code)
     except OSError as error:
         return _complain(f"{error.filename or 'output'}: {error.strerror}", InputError.exit_code)
@@ -194,7 +194,7 @@ def run(arguments: list[str]) -> int:
 
 @cache
 def program() -> TyperGroup:
-    """Return the parser of the program, made once for a process that runs several commands."""
+    """Return the parser of the program, made once for all commands of a process."""
     group = typer.main.get_command(app)
     assert isinstance(group, TyperGroup)
     return group
@@ -202,6 +202,6 @@ def program() -> TyperGroup:
 
 def _complain(message: str, exit_code: int) -> int:
     if message:
-        message = message.replace("Value error, ", "")  # pydantic, which typer parses with, puts this in front
+        message = message.replace("Value error, ", "")  # pydantic, typer's parser, adds this prefix
         say(f"steptwin: {' '.join(message.split())}", err=True)
     return exit_code

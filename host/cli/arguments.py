@@ -1,7 +1,7 @@
-"""Arguments and options that several commands share, the answer of a command, and the reading of texts.
+"""Arguments and options of several commands, the answer of a command, and the reading of texts.
 
-A tool's orientation has one of several notations, whose options carry their conventions in their names. An emulated
-machine differs from its robot's file by options, whose names stand in errors.
+A tool's orientation has several notations; their options carry the conventions in their names. An emulated machine has
+options of its own, whose names appear in errors.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator
@@ -44,12 +44,12 @@ PositionsFile = Annotated[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AnswerOptions:
-    """The form of a command's answer: words, or one JSON document on stdout and all else on stderr."""
+    """Form of a command's answer: text, or one JSON document on stdout and all else on stderr."""
 
     as_json: AsJson = False
 
     def tell(self, document: dict[str, Any], *words: str | Callable[[], None]) -> None:
-        """Print the answer: the document, or lines and what functions print."""
+        """Print the answer: the document, or lines and the output of functions."""
         if self.as_json:
             print_json(document)
             return
@@ -64,7 +64,7 @@ class AnswerOptions:
         say(*lines, err=self.as_json)
 
     def add_files(self, what: str, folder: Path | str, *files: str, pictures: bool = True) -> None:
-        """Print what is in a folder, such as `page and pictures are`, and by names; then why there are no pictures."""
+        """Print a folder's content, such as `page and pictures are`, with names; then why there are no pictures."""
         self.add(f"{what} in {folder}/{': ' if files else ''}{', '.join(files)}")
         if not pictures:
             say_no_pictures()
@@ -72,15 +72,15 @@ class AnswerOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotOptions(AnswerOptions):
-    """The options of a command about a robot: its file, and the form of the answer."""
+    """Options of a command about a robot: its file, and the form of the answer."""
 
     robot_file: RobotFile = None
 
     def robot_and_rest(self, words: list[str] | None) -> "tuple[Robot, list[str]]":
-        """Return the robot of a command line and the words after it: without a file, the first word names the robot.
+        """Return the robot and the remaining words of a command line: without a file, the first word is the robot.
 
         Raises:
-            InputError: no robot is given, or its file is wrong.
+            InputError: no robot is given, or its file is invalid.
         """
         from steptwin.host.robots import load_robot, load_robot_file
 
@@ -91,31 +91,31 @@ class RobotOptions(AnswerOptions):
         return load_robot(words[0]), words[1:]
 
     def robot(self, name: str | None) -> "Robot":
-        """Return the robot of a command without further words; raises as `robot_and_rest`, or if two are given."""
+        """Return the robot of a command without further words; raise as `robot_and_rest`, or if two are given."""
         robot, rest = self.robot_and_rest([] if name is None else [name])
         if rest:
             raise InputError(f"ROBOT '{rest[0]}' and --robot-file {self.robot_file}: give only one of them")
         return robot
 
     def robot_and_joints(self, words: list[str] | None) -> "tuple[Robot, list[float]]":
-        """Return the robot of a command line and the positions of all its joints; raises as `robot_and_rest` does."""
+        """Return the robot and the positions of all its joints from a command line; raise as `robot_and_rest`."""
         robot, rest = self.robot_and_rest(words)
         return robot, joint_values(rest, robot.joint_names, f"joints of {robot.name}")
 
     def robot_and_file(self, words: list[str] | None, needed: str) -> "tuple[Robot, str]":
-        """Return the robot of a command line and the one word after it; raises as `robot_and_rest` does."""
+        """Return the robot and the one word after it from a command line; raise as `robot_and_rest`."""
         robot, rest = self.robot_and_rest(words)
         if len(rest) != 1:
             raise InputError(f"one {needed} is needed after the robot, not {' '.join(rest) or 'nothing'}")
         return robot, rest[0]
 
     def tell_of(self, robot: "Robot", document: dict[str, Any], *words: str | Callable[[], None]) -> None:
-        """Print the answer as `tell` does, the document with the robot's name in front."""
+        """Print the answer as `tell`, with the robot's name first in the document."""
         self.tell({"robot": robot.name, **document}, *words)
 
 
 def joint_values(texts: list[str], names: tuple[str, ...], what: str) -> list[float]:
-    """Return joint positions, in mm and degrees, from the command line.
+    """Return joint positions from the command line, in mm and degrees.
 
     Raises:
         InputError: a text is not a number, or there are too few or too many.
@@ -126,19 +126,19 @@ def joint_values(texts: list[str], names: tuple[str, ...], what: str) -> list[fl
 
 
 def check_one_each(values: Collection[object], names: tuple[str, ...], what: str) -> None:
-    """Raise InputError unless there are as many values as joints."""
+    """Raise InputError unless there is one value for each joint."""
     if len(values) != len(names):
         raise InputError(f"{what}: {len(values)} values for the {len(names)} joints {' '.join(names)}")
 
 
 def finite_number(text: str, what: str) -> float:
-    """Return a finite number up to 1e9 in size; InputError for anything else."""
+    """Return a finite number up to 1e9 in size; raise InputError for anything else."""
     with prefixed(f"{what}: "):
         return numbers.finite_number(text)
 
 
 def positive_number(text: str, what: str) -> float:
-    """Return a number above 0 and up to 1e9; InputError for anything else."""
+    """Return a number above 0 and up to 1e9; raise InputError for anything else."""
     value = finite_number(text, what)
     if not value > 0:
         raise InputError(f"{what}: {value:g} is not above 0")
@@ -146,16 +146,16 @@ def positive_number(text: str, what: str) -> float:
 
 
 def check_percent(percent: float, option: str) -> None:
-    """Raise InputError for a speed above 0 and below 1 percent, which was probably meant as a part of 1."""
+    """Raise InputError for a speed above 0 and below 1 percent, probably meant as a fraction."""
     if 0 < percent < 1:
         part = f"{percent:g} % of the speed; for {percent:g} of it write {option} {100 * percent:g}"
         raise InputError(f"{option} {percent:g}: is {part}; the least is 1")
 
 
 def keep_files(paths: Iterable[Path], *, replace: bool) -> None:
-    """Raise InputError, with a free name, if a command would replace a file unasked; call it before the work.
+    """Raise InputError, with a free name, if a file would be replaced without permission; call it before the work.
 
-    A pipe or a device holds nothing that could be lost.
+    Pipes and devices have no content to lose.
     """
     for path in paths:
         if path.is_file() and not replace:
@@ -163,10 +163,10 @@ def keep_files(paths: Iterable[Path], *, replace: bool) -> None:
 
 
 def out_folder(out: str, files: Iterable[str] = ()) -> Path:
-    """Make the folder of --out before anything runs.
+    """Create the folder of --out before the work.
 
     Raises:
-        InputError: the folder cannot be made or written to, or a folder is in the way of one of the files.
+        InputError: the folder cannot be created or written, or a folder has the name of one of the files.
     """
     from steptwin.host.record.folder import prepare_folder
 
@@ -175,7 +175,7 @@ def out_folder(out: str, files: Iterable[str] = ()) -> Path:
 
 
 def run_folder(out: str) -> Path:
-    """Make the folder of --out for the files of a run, as `out_folder`; it must hold no live board's recording."""
+    """Create the folder of --out for the files of a run, as `out_folder`; it must not have a live board's recording."""
     from steptwin.host.record.folder import keep_recording, run_files
 
     with naming_options("out"):
@@ -184,7 +184,7 @@ def run_folder(out: str) -> Path:
 
 
 def chosen_names(option: str, texts: list[str], choices: Iterable[str]) -> list[str]:
-    """Return the names given by an option that takes NAME,... and may be repeated, in the order given.
+    """Return the names of a repeatable option NAME,..., in the given order.
 
     Raises:
         InputError: a name is unknown or given twice.
@@ -200,14 +200,14 @@ def chosen_names(option: str, texts: list[str], choices: Iterable[str]) -> list[
 
 
 def positions_path(robot: "Robot", file: str | None) -> str:
-    """Return the file of a robot's positions."""
+    """Return the path of the file with a robot's positions."""
     from steptwin.host.planning.programs.positions import default_file
 
     return default_file(robot) if file is None else file
 
 
 def saved_position(robot: "Robot", name: str | None, file: str | None) -> "Position | None":
-    """Return the position that --to and --file name; None without --to. Raises InputError if there is none."""
+    """Return the position named by --to and --file; None without --to. Raise InputError if it does not exist."""
     from steptwin.host.planning.programs.positions import find_position, read_positions
 
     if name is None:
@@ -220,7 +220,7 @@ def saved_position(robot: "Robot", name: str | None, file: str | None) -> "Posit
 
 @dataclass(frozen=True, slots=True)
 class PlanningOptions:
-    """The bound of a command that plans."""
+    """Time limit of a command that plans."""
 
     plan_within: float | None = option(
         "SECONDS", f"Processor time that planning may take; by default {PLANNING_S:g}.", read=positive_number
@@ -228,7 +228,7 @@ class PlanningOptions:
 
     @contextmanager
     def bounded(self) -> Iterator[None]:
-        """Bound the planning in the block."""
+        """Limit the planning time in the block."""
         try:
             with plan_within(self.plan_within or PLANNING_S):
                 yield
@@ -238,12 +238,12 @@ class PlanningOptions:
 
 @dataclass(frozen=True, slots=True)
 class CheckedFile:
-    """A file: what was found out, as a JSON document and in words, as `AnswerOptions.tell` takes them; or nothing.
+    """A checked file: results as a JSON document and as text, for `AnswerOptions.tell`; or nothing.
 
     Attributes:
-        document: what was found out.
-        words: the same as lines, or functions that print more.
-        advice: what would do in spite of the findings.
+        document: results.
+        words: results as lines, or as functions that print more.
+        advice: remedy for the errors.
     """
 
     document: dict[str, Any] = field(default_factory=dict)
@@ -258,7 +258,7 @@ _KEYS: Final = {
     "abc": "abc_deg",
     "direction": "direction",
 }
-"""The keys of files that the options stand for."""
+"""Keys of files for the options."""
 
 
 Numbers = tuple[float, ...]
@@ -270,7 +270,7 @@ def _numbers(text: str, name: str) -> Numbers:
 
 @dataclass(frozen=True, slots=True)
 class OrientationOptions:
-    """The orientation of a tool that turns in space; at most one option is given."""
+    """Orientation of a tool that turns in space; at most one option is given."""
 
     rpy: Numbers | None = option("'R P Y'", "Roll, pitch, yaw about the fixed x, y, z in deg: Rz Ry Rx.", read=_numbers)
     quaternion: Numbers | None = option("'X Y Z W'", "Unit quaternion, scalar last.", read=_numbers)
@@ -279,7 +279,7 @@ class OrientationOptions:
     direction: Numbers | None = option("'X Y Z'", "Where the tool points, for arms of five axes.", read=_numbers)
 
     def orientation(self) -> "Orientation | None":
-        """Return the orientation; None without one. Raises InputError for two, or for wrong numbers."""
+        """Return the orientation; None without one. Raise InputError for two, or for invalid numbers."""
         from steptwin.host.robots.poses import Orientation
 
         given = {name: values for name in _KEYS if (values := getattr(self, name)) is not None}
@@ -293,7 +293,7 @@ class OrientationOptions:
 
 
 def naming_machine_options(*parameters: str, **options: str) -> AbstractContextManager[None]:
-    """Name the command line's options in errors about the machine, and about further parameters."""
+    """Use the command line's option names in errors about the machine, and about further parameters."""
     classes = (MachineOptions, *(made() for _, made in giving("machine_options")))
     spelled = {
         field.name: f"--machine {field.metadata[SPELLING].key}="
@@ -304,21 +304,21 @@ def naming_machine_options(*parameters: str, **options: str) -> AbstractContextM
     return naming_options(*parameters, **spelled, **options)
 
 
-def check_standing(robot: "Robot", machine: MachineOptions) -> None:
-    """Raise InputError unless `stand-at` says where each joint stands, if it is given."""
+def check_start_positions(robot: "Robot", machine: MachineOptions) -> None:
+    """Raise InputError if `stand-at` is given without a position for each joint."""
     if machine.stand_at is not None:
         check_one_each(machine.stand_at, robot.joint_names, "--machine stand-at")
 
 
 def machine_for(robot: "Robot", machine: MachineOptions) -> MachineOptions:
-    """Return the options with the files read that they name; warn of settings of the robot's file that do not apply.
+    """Return the machine's options with their files read; warn of settings of the robot's file that do not apply.
 
     Raises:
-        InputError: the number of joints is wrong, no drivers have this name, or something is wrong in a file.
+        InputError: the number of joints is wrong, the drivers do not exist, or a file is invalid.
     """
     from steptwin.host.twin.machine.drivers import settings_left_out
 
-    check_standing(robot, machine)
+    check_start_positions(robot, machine)
     extras = read_extras(machine.extras, robot)
     if keys := settings_left_out(robot, machine.driver_profile):
         usual = f"has its usual settings, not the robot's {', '.join(keys)}"

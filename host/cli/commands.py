@@ -151,7 +151,7 @@ COMMANDS: Final = (
 
 
 def command_table() -> Mapping[str, CommandRow]:
-    """Return every command by its name, in the order of the groups; without those that `refused_commands` names."""
+    """Return every command by name, in the order of the groups, without those of `refused_commands`."""
     table = {row.name: row for row in COMMANDS}
     for _, rows in giving("commands"):
         for row in rows:
@@ -161,7 +161,7 @@ def command_table() -> Mapping[str, CommandRow]:
 
 
 def refused_commands() -> list[str]:
-    """Return a sentence for each command of a feature that there cannot be."""
+    """Return a sentence for each impossible command of a feature."""
     table = command_table()
     return [
         f"feature {feature.name}: command {row.name}: "

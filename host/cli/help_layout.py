@@ -1,7 +1,7 @@
 """Print `--help`: usage, text, a box each for arguments, groups of options and of commands, examples.
 
-typer has a layout like this one, but imports a Markdown parser, a highlighter of programs and more for it, which takes
-as long as all the rest of `--help`.
+typer has a similar layout, but imports a Markdown parser, a syntax highlighter and more for it, which takes as long as
+the rest of `--help`.
 """
 
 from collections.abc import Collection, Iterable
@@ -22,7 +22,7 @@ _STYLES: Final = Theme({"option": "bold cyan", "switch": "bold green", "usage": 
 
 
 class _Marks(RegexHighlighter):
-    """Colours options and switches wherever they are named."""
+    """Colours options and switches in texts."""
 
     highlights = (
         r"(^|\W)(?P<switch>-\w)(?![\w-])",
@@ -69,7 +69,7 @@ def _table() -> Table:
 
 
 def _parameters(parameters: Iterable[Any], context: Any) -> Table:
-    """Return a row for each argument or option: its long and its short name, the word for its value, what it means."""
+    """Return a row for each argument or option: long and short name, placeholder of its value, meaning."""
     table = _table()
     for parameter in parameters:
         record = parameter.get_help_record(context)

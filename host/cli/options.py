@@ -1,8 +1,8 @@
-"""Describe the arguments and options of commands, and turn a command's signature into one that typer knows.
+"""Describe the arguments and options of commands, and convert a command's signature for typer.
 
-A command declares an option of its own as the default of a parameter, `option(...)`; an option of several commands is
-a type in `arguments`. Options that belong together are a group: a dataclass in a command's signature stands for one
-option a field. The options of the emulated machine have spellings, and are given by `--machine KEY=VALUE`.
+A command declares its own option as the default of a parameter, `option(...)`; an option of several commands is a type
+in `arguments`. A group of options is a dataclass: in a command's signature it stands for one option a field. Options
+of the emulated machine have spellings, and are given by `--machine KEY=VALUE`.
 """
 
 import re
@@ -20,19 +20,19 @@ from steptwin.host.common.features import giving
 from steptwin.host.twin.machine.machine_options import OF_FEATURES, SPELLING, Spelling
 
 MACHINE_PANEL: Final = "Emulated machine"
-"""Title of the box of options, in a command's help, that only an emulated machine has."""
+"""Title of the box of an emulated machine's options in a command's help."""
 MACHINE: Final = "machine"
 """Name of the option that changes the emulated machine."""
 LIVE_PANEL: Final = "Live board"
-"""Title of the box of options that only a live board has."""
+"""Title of the box of a live board's options."""
 
 LAST: Final = "as_json"
-"""Parameter of the option that help shows behind a command's others."""
+"""Parameter of the option that help shows last."""
 
 
 @contextmanager
 def naming_options(*parameters: str, **options: str) -> Iterator[None]:
-    """Replace parameters by options in every error from inside, as `with_options` does."""
+    """Replace parameters by options in every error of the block, as `with_options`."""
     try:
         yield
     except StepTwinError as error:
@@ -44,11 +44,11 @@ def with_options(message: str, *parameters: str, **options: str) -> str:
 
     Args:
         message: the message.
-        parameters: those whose option has the same name, such as `allow_remote` for `--allow-remote`.
+        parameters: those with an option of the same name, such as `allow_remote` for `--allow-remote`.
         options: the option of each other parameter; one that ends in `=` takes its value without a space.
     """
     names = {name: _usual_name(name) for name in parameters} | options
-    named = re.compile(rf"(?<!-)(?<!-o )\b({'|'.join(names)})=(True\b)?")  # an option that stands there already stays
+    named = re.compile(rf"(?<!-)(?<!-o )\b({'|'.join(names)})=(True\b)?")  # an option in the text stays
 
     def option(found: re.Match[str]) -> str:
         name = names[found[1]]
@@ -62,18 +62,18 @@ def _usual_name(parameter: str) -> str:
 
 
 Reader = Callable[[Any, str], Any]
-"""Makes the value of an option of its text, or texts; gets the option's name for the message of an InputError."""
+"""Converts an option's text, or texts; gets the option's name for the message of an InputError."""
 
 
 class _Described(NamedTuple):
     """An argument or option.
 
     Attributes:
-        told: what typer is told of it beside its names, its type and its default.
-        names: its names; empty for the one that follows from the parameter's.
-        read: makes its value; None if typer does, by the parameter's type.
+        told: further arguments for typer, besides names, type and default.
+        names: its names; empty for the one of the parameter.
+        read: converts its value; None if typer does, by the parameter's type.
         positional: True for an argument.
-        alone: the value that it has if it stands without one; empty if it may not.
+        alone: its value if given without one; empty if that is not allowed.
     """
 
     told: Mapping[str, Any]
@@ -88,7 +88,7 @@ _DESCRIBED: Final = "described"
 
 
 def argument(value: str, says: str, default: object = None) -> Any:
-    """Return a command's argument, as the default of its parameter: the word for its value, and what it means."""
+    """Return a command's argument, as the default of its parameter: placeholder of the value, and meaning."""
     described = _Described({"metavar": value, "help": says}, positional=True)
     return field(default=default, metadata={_DESCRIBED: described})
 
@@ -105,32 +105,32 @@ def option(
     """Return a command's option, as the default of its parameter or of a group's field.
 
     Args:
-        value: the word for its value; empty for a switch.
-        says: what it does.
-        names: its names; by default it is called as the parameter is.
-        default: its value if it is not given, or the text of it that is to be read; MISSING if it has to be given.
-        read: makes its value, if typer does not by the parameter's type.
-        alone: the value that it has if it stands without one; empty if it may not.
-        told: what else typer is told.
+        value: placeholder of its value; empty for a switch.
+        says: its effect.
+        names: its names; by default that of the parameter.
+        default: its value if it is not given, or a text to convert; MISSING if it is required.
+        read: converts its value, if typer does not by the parameter's type.
+        alone: its value if given without one; empty if that is not allowed.
+        told: further arguments for typer.
     """
     described = _Described({"metavar": value or None, "help": says, **told}, names, read, alone=alone)
     return field(default=default, metadata={_DESCRIBED: described})
 
 
 def switch(says: str, *names: str, **told: Any) -> Any:
-    """Return an option without a value, which is off unless it is given."""
+    """Return an option without a value, which is off by default."""
     return option("", says, *names, default=False, **told)
 
 
 def of_features(attribute: str) -> Any:
-    """Return, as the default of a group's field, the options that features give by an attribute of theirs."""
+    """Return, as the default of a group's field, the options of features in one of their attributes."""
     return field(default=(), metadata={OF_FEATURES: attribute})
 
 
 class Without(NamedTuple):
-    """Mark of a group, in `Annotated`: fields without options here, and features without any.
+    """Mark of a group, in `Annotated`: fields that are no options here, and whether features' options are left out.
 
-    Options that are for served boards only have none either.
+    Options for served boards only are left out, too.
     """
 
     names: tuple[str, ...]
@@ -138,7 +138,7 @@ class Without(NamedTuple):
 
 @dataclass(frozen=True)
 class _Group:
-    """Options that make one object: its own, by the names of its fields, and those of the groups in it."""
+    """Options that make one object: its own, by field name, and those of the groups in it."""
 
     make: Callable[..., Any]
     own: Mapping[str, Field[Any]]
@@ -146,7 +146,7 @@ class _Group:
 
     @classmethod
     def of(cls, annotation: Any) -> "_Group | None":
-        """Return the group that an annotation stands for; None if it is the type of one option."""
+        """Return the group of an annotation; None for the type of one option."""
         group = cls._of_class(annotation)
         if group is not None and any(SPELLING in each.metadata for each in group.own.values()):
             return _MachineGroup(group.make, group.own, group.inner)
@@ -173,7 +173,7 @@ class _Group:
         *,
         served: bool = True,
     ) -> "_Group":
-        """Return the group of these fields; a class or a function makes its object of them."""
+        """Return the group of these fields; `make`, a class or a function, makes its object of them."""
         found = {
             each.name: (each, cls._of_features(each, without, served=served) or cls.of(each.type)) for each in members
         }
@@ -182,7 +182,7 @@ class _Group:
 
     @classmethod
     def _of_features(cls, member: Field[Any], without: Collection[str], *, served: bool) -> "_Group | None":
-        """Return the group of the options that features give for a field; None for a field of another kind."""
+        """Return the group of features' options for a field; None for a field of another kind."""
         if OF_FEATURES not in member.metadata:
             return None
         given = giving(member.metadata[OF_FEATURES])
@@ -198,13 +198,13 @@ class _Group:
             yield from group.options()
 
     def made(self, values: dict[str, Any]) -> Any:
-        """Take the values of the options out of those of a command line, and make the object of them."""
+        """Make the group's object; remove its options from the values of a command line."""
         own = {name: _read(each, values.pop(name)) for name, each in self.own.items()}
         return self.make(**own, **{name: group.made(values) for name, group in self.inner.items()})
 
 
 class _MachineGroup(_Group):
-    """The options of an emulated machine, which are keys of one option, `--machine KEY=VALUE`."""
+    """Options of an emulated machine, which are keys of one option, `--machine KEY=VALUE`."""
 
     def _fields(self) -> dict[str, Field[Any]]:
         """Return the fields by their keys."""
@@ -226,7 +226,7 @@ class _MachineGroup(_Group):
         yield made
 
     def made(self, values: dict[str, Any]) -> Any:
-        """Take the texts of the one option, give each to its field, and make the object of them."""
+        """Make the object from the texts of the one option; remove them from the values."""
         known = self._fields()
         given: dict[str, list[str]] = {key: [] for key in known}
         for text in values.pop(MACHINE) or []:
@@ -244,7 +244,7 @@ class _MachineGroup(_Group):
 
 
 def _machine_value(each: Field[Any], texts: list[str]) -> Any:
-    """Return what an option of a machine reads: its texts if it is repeatable, its text, or whether it is given."""
+    """Return the value to convert for a machine's option: its texts if repeatable, its text, or True."""
     spelling: Spelling = each.metadata[SPELLING]
     if not spelling.value:
         return bool(texts)
@@ -252,9 +252,9 @@ def _machine_value(each: Field[Any], texts: list[str]) -> Any:
 
 
 def with_groups(function: Callable[..., None]) -> tuple[Callable[..., None], dict[str, str]]:
-    """Return a command as typer is to see it: its own options, then an option for each field of its groups.
+    """Return a command for typer: its own options, then an option for each field of its groups.
 
-    Return besides which options may stand without a value, and the value that they have then.
+    Also return the options that may stand without a value, and their values then.
     """
     group = _Group.made_of(map(_field_of, signature(function).parameters.values()), function)
 
@@ -268,7 +268,7 @@ def with_groups(function: Callable[..., None]) -> tuple[Callable[..., None], dic
 
 
 def given_options(group: Any) -> dict[str, Any]:
-    """Return the options of a group that differ from their defaults, by their names on the command line."""
+    """Return the options of a group that differ from their defaults, by name on the command line."""
     found = _Group.of(type(group))
     assert found is not None
     values = {name: getattr(group, name) for name in found.own}
@@ -281,7 +281,7 @@ def given_options(group: Any) -> dict[str, Any]:
 
 
 def _is_option(each: Field[Any], *, served: bool) -> bool:
-    """Return whether a field of a dataclass is an option, or stands for several, of a served board or not."""
+    """Return whether a field of a dataclass is an option or a group, of a served board or not."""
     if SPELLING in each.metadata and each.metadata[SPELLING].served and not served:
         return False
     described = {SPELLING, _DESCRIBED, OF_FEATURES} & set(each.metadata)
@@ -289,7 +289,7 @@ def _is_option(each: Field[Any], *, served: bool) -> bool:
 
 
 def _field_of(parameter: Parameter) -> Field[Any]:
-    """Return a parameter of a command as a field, which it is already if `option` has made its default."""
+    """Return a parameter of a command as a field; a default from `option` is one already."""
     default: Any = MISSING if parameter.default is Parameter.empty else parameter.default
     made: Field[Any] = default if isinstance(default, Field) else field(default=default)
     made.name, made.type = parameter.name, parameter.annotation
@@ -297,7 +297,7 @@ def _field_of(parameter: Parameter) -> Field[Any]:
 
 
 def _described(each: Field[Any]) -> _Described:
-    """Return the description of an option: that of its default, of its type, or by its spelling."""
+    """Return the description of an option, from its default, its type, or its spelling."""
     spelling: Spelling | None = each.metadata.get(SPELLING)
     if spelling is None:
         kind: Any = each.type
@@ -317,7 +317,7 @@ def _names(each: Field[Any]) -> tuple[str, ...]:
 
 
 def _parameter(each: Field[Any]) -> Parameter:
-    """Return an option as typer reads it from a signature."""
+    """Return an option as a parameter for typer."""
     described, kind = _described(each), get_args(each.type)[0] if get_origin(each.type) is Annotated else each.type
     default = Parameter.empty if each.default is MISSING else each.default
     if described.read is not None:

@@ -1,7 +1,7 @@
-"""Print lines, tables and JSON documents. All that a command prints goes through here.
+"""Print lines, tables and JSON documents; all output of commands.
 
-Lines and tables may contain texts from outside, such as names in files and answers of devices: what is not printable
-in them is escaped here. JSON escapes by itself.
+Lines and tables may have texts from outside, such as names in files and answers of devices; unprintable characters in
+them are escaped here. JSON escapes by itself.
 """
 
 import json
@@ -25,11 +25,11 @@ GAP: Final = 2
 """Spaces between columns."""
 
 Cells = Sequence[Sequence[str]]
-"""The rows of a table, the headings first; its first columns are texts, the others numbers."""
+"""Rows of a table with the headings first; the first columns are texts, the others numbers."""
 
 
 def column_widths(width: int, cells: Cells, text_columns: int) -> list[int]:
-    """Return each column's width: that of its cells, less where the widest texts have to wrap."""
+    """Return each column's width: that of its cells, or less if the widest texts must wrap."""
     widths = [_widest(column, lambda cell: [cell]) for column in zip(*cells, strict=True)]
     least = _least_widths(cells, text_columns)
     while total_width(widths) > width and widths != least:
@@ -39,9 +39,9 @@ def column_widths(width: int, cells: Cells, text_columns: int) -> list[int]:
 
 
 def parts_that_fit(width: int, cells: Cells, text_columns: int) -> list[list[int]]:
-    """Return the columns of each of several tables: as few tables as can hold all numbers, each with all texts.
+    """Return the columns of as few tables as can hold all numbers, each with all text columns.
 
-    A table is still wider than `width` if the texts' longest words and a single number are.
+    A table exceeds `width` only if the longest words of its texts and a single number do.
     """
     least = _least_widths(cells, text_columns)
     texts = list(range(text_columns))
@@ -61,7 +61,7 @@ def total_width(widths: list[int]) -> int:
 
 
 def _least_widths(cells: Cells, text_columns: int) -> list[int]:
-    """Return each column's width when each word of the texts stands in a line of its own."""
+    """Return each column's width with a line for each word of the texts."""
     return [
         _widest(column, str.split if i < text_columns else lambda cell: [cell])
         for i, column in enumerate(zip(*cells, strict=True))
@@ -75,18 +75,18 @@ def _widest(column: Sequence[str], pieces: Callable[[str], list[str]]) -> int:
 
 
 def say(*lines: str, err: bool = False) -> None:
-    """Print lines on stdout, or on stderr; a line break inside one of them is escaped."""
+    """Print lines on stdout, or on stderr; line breaks in them are escaped."""
     for line in lines:
         typer.echo(printable(line), err=err)
 
 
 def print_text(text: str) -> None:
-    """Print a text that StepTwin has made, with its line breaks."""
+    """Print a text of StepTwin's own, with its line breaks."""
     typer.echo(text, nl=False)
 
 
 def print_json(document: dict[str, Any]) -> None:
-    """Print one JSON document: all that a command writes to stdout with --json."""
+    """Print one JSON document: the whole stdout of a command with --json."""
     typer.echo(json.dumps(document, indent=2))
 
 
@@ -96,17 +96,17 @@ def say_no_pictures() -> None:
 
 
 def print_json_line(document: dict[str, Any]) -> None:
-    """Print one of several JSON documents, in a line of its own."""
+    """Print one of several JSON documents on a line of its own."""
     typer.echo(json.dumps(document))
 
 
 def say_compiling() -> None:
-    """Say on stderr that the first use compiles: it takes long, once."""
+    """Print on stderr that the first use compiles, which takes long."""
     say("numba compiles the motion's functions for this computer: once, up to a minute", err=True)
 
 
 def warn(text: str) -> None:
-    """Print a warning on stderr; the command goes on."""
+    """Print a warning on stderr and continue."""
     say(f"steptwin: warning: {text}", err=True)
 
 
@@ -116,7 +116,7 @@ def pose_text(pose: Mapping[str, Any]) -> str:
 
 
 def pose_words(pose: Mapping[str, Any], decimals: int, attitude: str) -> str:
-    """Return a pose, a document, in words, with so many decimals; `attitude` says what a single angle is."""
+    """Return a pose, a document, as text with `decimals` decimals; `attitude` names a single angle."""
     words = [f"{axis} {fixed(pose[f'{axis}_mm'], decimals)} mm" for axis in "xyz"]
     if "attitude_deg" in pose:
         words.append(attitude.replace("deg", f"{fixed(pose['attitude_deg'], decimals)} deg"))
@@ -128,22 +128,22 @@ def pose_words(pose: Mapping[str, Any], decimals: int, attitude: str) -> str:
 
 
 _LEVEL_DEG: Final = 89.999
-"""Pitch from which on roll is 0: `LEVEL_DEG` of the rotations, listed again, since importing that takes numpy."""
+"""Pitch from which on roll is 0: `LEVEL_DEG` of the rotations, repeated here, since importing that takes numpy."""
 _UPRIGHT: Final = "at this pitch roll and yaw are one turn, all of it yaw"
 
 
 def number_of(count: int, noun: str) -> str:
-    """Return a number of things in words, as in `1 run` and `2 runs`."""
+    """Return a number of things as text, as in `1 run` and `2 runs`."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def fixed(value: float, decimals: int = 4) -> str:
-    """Return a position with a fixed number of decimals; what rounds to 0 has no sign."""
+    """Return a position with a fixed number of decimals; a rounded 0 has no sign."""
     return f"{value:z.{decimals}f}"
 
 
 Columns = Mapping[str, str | Callable[[Any], str]]
-"""The columns of a table: under each heading a format of the row's item, such as `{0.name}`, or a function of it."""
+"""Columns of a table: for each heading a format of the row's item, such as `{0.name}`, or a function of it."""
 
 
 def cells_of(columns: Columns, items: Iterable[Any]) -> list[list[str]]:
@@ -159,7 +159,7 @@ def print_rows(columns: Columns, items: Iterable[Any], *, text_columns: int = 1)
 def print_table(columns: list[str], rows: list[list[str]], *, text_columns: int = 1) -> None:
     """Print a table; the first `text_columns` columns are texts, the others numbers.
 
-    On a terminal that is too narrow for all numbers, print several tables with the same texts.
+    On a terminal too narrow for all numbers, print several tables with the same texts.
     """
     console = text_console()
     cells = _printable(columns, rows)
@@ -172,16 +172,16 @@ def print_table(columns: list[str], rows: list[list[str]], *, text_columns: int 
 
 
 def text_console() -> "Console":
-    """Return stdout as a rich console that prints texts as they are: brackets in names are no markup."""
+    """Return stdout as a rich console that prints texts literally: brackets in names are no markup."""
     from rich.console import Console
 
     return Console(highlight=False, markup=False, emoji=False)
 
 
 def text_table(width: int, columns: list[str], rows: list[list[str]], *, text_columns: int) -> "tuple[Table, int]":
-    """Return a table and the number of characters that it needs, which is above `width` only if it cannot be narrower.
+    """Return a table and its width, which exceeds `width` only if it cannot be narrower.
 
-    Texts may wrap between words. A number never does: a part of it would read as another number.
+    Texts may wrap between words. A number never does, since its parts would read as other numbers.
     """
     from rich import box
     from rich.table import Table
@@ -203,7 +203,7 @@ def _printable(columns: list[str], rows: list[list[str]]) -> list[list[str]]:
 
 @contextmanager
 def progress_bar(title: str) -> "Iterator[Progress]":
-    """Show a bar while the block runs, if stderr is a terminal; the block calls back with the part that is done."""
+    """Show a bar during the block, if stderr is a terminal; yield a function for the fraction done."""
     from rich.console import Console
     from rich.markup import escape
     from rich.progress import Progress as RichProgress

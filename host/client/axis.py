@@ -32,7 +32,7 @@ from steptwin.protocol.pvt import PvtFlag, PvtStatus
 
 _BYTE: Final = range(256)
 Objects = list[tuple[int, int]]
-"""Dictionary entries as (address, value), in the order in which they are written."""
+"""Dictionary entries as (address, value), in the order of writing."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import FAULT_STATES, DriveStatus
 from steptwin.host.client.links import Link
 from steptwin.host.client.reports import Listening
-from steptwin.host.client.stopping import await_rest
+from steptwin.host.client.stopping import await_standstill
 from steptwin.host.client.waiting import POLL_S, REST_TIMEOUT_S, wait_until
 from steptwin.host.client.words import state_text, state_words
 from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError
@@ -243,4 +243,4 @@ def _release(link: Link, axes: Sequence[AxisClient]) -> None:
     for axis in axes:
         if axis.state() is State.OPERATION_ENABLED:
             axis.write(od.CONTROLWORD, ENABLE_OPERATION)
-    await_rest(link, axes)
+    await_standstill(link, axes)

@@ -14,7 +14,7 @@ from steptwin.host.client.axis_homing import AxisHoming, HomingPair, HomingSetti
 from steptwin.host.client.lease import WATCH_HOST, Heartbeat
 from steptwin.host.client.links import Link
 from steptwin.host.client.shared_node import Patience
-from steptwin.host.client.stream import Stream, StreamedMotion, stop_the_rest
+from steptwin.host.client.stream import Stream, StreamedMotion, stop_others
 from steptwin.host.client.waiting import POLL_S, REPLY_TIMEOUT_S, require
 from steptwin.host.client.waits import HOLD_MS, Waits
 from steptwin.host.common.errors import BusError, DeviceFaultError, WaitTimeoutError
@@ -276,7 +276,7 @@ class Machine:
             except WaitTimeoutError:  # the machine is at standstill
                 raise
             except (BusError, DeviceFaultError):
-                stop_the_rest(self.axes)
+                stop_others(self.axes)
                 raise
             self._stream = None if stream.ended else stream
 

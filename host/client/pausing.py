@@ -117,7 +117,7 @@ def change_speed(machine: Machine, percent: int) -> int:
     running = running_axes(machine, "make slower or faster")
     if running[0].read(od.BOARD_AXES) < len(machine.axes):
         raise InputError(f"speed {percent} %: the axes are on several boards, whose times would part; 100 % passes")
-    highest = _highest_percent(running)
+    highest = min(axis.read(od.GROUP_RATE_HIGHEST_Q16) for axis in running) * 100 // FULL_RATE_Q16
     if percent > highest:
         raise InputError(
             f"speed {percent} %: this motion can be made at most {highest} % as fast as planned, by its limits;"
@@ -129,10 +129,6 @@ def change_speed(machine: Machine, percent: int) -> int:
         running_axes(machine, "make slower or faster")  # it may have ended meanwhile
         raise
     return highest
-
-
-def _highest_percent(running: Sequence[AxisClient]) -> int:
-    return min(axis.read(od.GROUP_RATE_HIGHEST_Q16) for axis in running) * 100 // FULL_RATE_Q16
 
 
 def present_speed_percent(axes: Sequence[AxisClient]) -> float | None:

@@ -55,7 +55,7 @@ def saying_if_unsure() -> Iterator[None]:
         raise unsure(error) from error
 
 
-def await_rest(link: Link, axes: Sequence[AxisClient]) -> None:
+def await_standstill(link: Link, axes: Sequence[AxisClient]) -> None:
     """Wait for standstill of all axes, in any state; raise BusError if they continue to move."""
     require(link, lambda: all(map(_at_standstill, axes)), "the axes do not come to rest", REST_TIMEOUT_S)
 
@@ -70,7 +70,7 @@ def emergency_stop(link: Link, axes: Sequence[AxisClient]) -> None:
     """
     _begin_quick_stop(link, axes)
     _each(axes, AxisClient.emergency_stop)
-    await_rest(link, axes)
+    await_standstill(link, axes)
     loose: list[tuple[AxisClient, State]] = []
 
     def held() -> bool:

@@ -40,7 +40,7 @@ class StreamedMotion(NamedTuple):
     highest_percent: int = 100
 
 
-def stop_the_rest(axes: Sequence[AxisClient]) -> None:
+def stop_others(axes: Sequence[AxisClient]) -> None:
     """Quick-stop the axes that may still follow a trajectory after it has ended for others.
 
     The axes of one board stop together by themselves; those of another board do not.
@@ -114,7 +114,7 @@ class Stream:
         try:
             require(self._link, lambda: all(map(_started, self._axes)), "not all axes start", REPLY_TIMEOUT_S)
         except BusError:
-            stop_the_rest([axis for axis in self._axes if _started(axis)])
+            stop_others([axis for axis in self._axes if _started(axis)])
             raise
 
     @property

@@ -4,7 +4,7 @@ The core imports no feature and knows none by name. Where a feature may add some
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -21,12 +21,11 @@ if TYPE_CHECKING:
     from steptwin.host.cli.arguments import CheckedFile
     from steptwin.host.common.errors import BusError
     from steptwin.host.common.findings import Findings
-    from steptwin.host.common.tables import Reading, Table
+    from steptwin.host.common.tables import Table
     from steptwin.host.planning.drives import DriveLimits
     from steptwin.host.planning.jobs.job import Job
     from steptwin.host.planning.motions.whole import MotionTimer
     from steptwin.host.planning.plan import HighestSpeed, Plan
-    from steptwin.host.planning.programs.program_file import StepReading
     from steptwin.host.planning.trajectory import Trajectory
     from steptwin.host.robots.kinematics.kinds import Kind
     from steptwin.host.robots.robot import Robot
@@ -152,6 +151,11 @@ class LiveWords(Protocol):
 class DriveModel(Protocol):
     """A feature's model of a machine's drives, in addition to the joints' limits."""
 
+    @property
+    def name(self) -> str:
+        """Key of its results in JSON documents."""
+        ...
+
     def limits(self, robot: "Robot", left_percent: float) -> "DriveLimits":
         """Return the limits of fastest motions that leave `left_percent` of the drives' torque.
 
@@ -205,6 +209,18 @@ class FileKind(NamedTuple):
     check: "Callable[[str, str, str | None, Findings], CheckedFile]"
     bytes_max: int = PROGRAM_BYTES_MAX
     mark: Pattern[str] | None = None
+
+
+class FileOptions(Protocol):
+    """A feature's options of commands for the files that its steps run: a dataclass."""
+
+    def keys(self, file: str) -> Mapping[str, str]:
+        """Return keys of the step that runs a file, as texts of TOML or without quotation marks.
+
+        Raises:
+            InputError: an option is given for a file of another kind.
+        """
+        ...
 
 
 class Telling(Protocol):
@@ -267,8 +283,8 @@ class Feature:
         section: returns the model of its table of a robot file: a `FileTable` that is a `RobotSection`.
         robot_tables: returns tables that belong to the file of a robot that StepTwin brings, by the robot's name.
         timer: returns what times motions as a whole: those with `law = "fastest"` or `blend_mm`.
-        program_steps: returns what reads its steps of program files, by their verbs.
-        program_keys: reads its keys of program files; the values become the trajectory's `expects`.
+        program_steps: returns the models of its steps of program files, `StepTable`s, by their verbs.
+        program_keys: returns the types of its keys of program files; the values become the trajectory's `expects`.
         check_program: raises InputError for such a value, by its key, that a robot cannot fulfil.
         kinematics: returns its kinds of mechanisms, by name; one that has the name of another kind replaces it.
         jobs: returns its jobs, by the kind of mechanism; one that has the name of another job replaces it.
@@ -299,6 +315,7 @@ class Feature:
         schemas: returns what gives the model of each kind of its files, by the kind, for `steptwin schema`.
         run_options: returns a dataclass of options of `steptwin run`: a `RunHook`.
         serve_options: returns a dataclass of options of `steptwin serve`: a `ServedProgram`.
+        file_options: returns a dataclass of options of `steptwin run` and `check`: `FileOptions`.
         verify_options: returns a dataclass of options of `steptwin verify`: an `OtherEvidence`.
         new_options: returns a dataclass of options of `steptwin new`: a `RobotSource`.
         telling: returns what prints its keys of documents.
@@ -311,8 +328,8 @@ class Feature:
     section: Callable[[], type[Any]] | None = None
     robot_tables: Callable[[str], str] | None = None
     timer: "Callable[[], MotionTimer] | None" = None
-    program_steps: "Callable[[], Mapping[str, StepReading]] | None" = None
-    program_keys: "Mapping[str, Reading]" = field(default_factory=dict)
+    program_steps: "Callable[[], Mapping[str, Any]] | None" = None
+    program_keys: Callable[[], Mapping[str, Any]] | None = None
     check_program: "Callable[[Robot, str, Any], None] | None" = None
     kinematics: "Callable[[], Mapping[str, Kind]] | None" = None
     jobs: "Callable[[], Mapping[str, Sequence[Job[Any]]]] | None" = None
@@ -337,6 +354,7 @@ class Feature:
     schemas: Callable[[], Mapping[str, Callable[[], type[Any]]]] | None = None
     run_options: Callable[[], type[Any]] | None = None
     serve_options: Callable[[], type[Any]] | None = None
+    file_options: Callable[[], type[Any]] | None = None
     verify_options: Callable[[], type[Any]] | None = None
     new_options: Callable[[], type[Any]] | None = None
     telling: Callable[[], Telling] | None = None

@@ -14,8 +14,6 @@ GIB: Final = 1 << 30
 
 ROBOT_BYTES_MAX: Final = 256 * KIB
 """A robot file with every key of eight joints and its comments has some 8 KiB."""
-URDF_BYTES_MAX: Final = 1 * MIB
-"""A link of a URDF with masses, meshes and a joint has some 1 KiB; a robot with two arms and hands has some 100."""
 PROGRAM_BYTES_MAX: Final = 1 * MIB
 """A step of a program has some 60 bytes, so all 5000 steps that a program may have fit, with their comments."""
 STEP_FILES_BYTES_MAX: Final = 16 * MIB
@@ -32,19 +30,6 @@ TITLE_CHARS_MAX: Final = 200
 """Longest title of a robot: one line."""
 PAPER_CHARS_MAX: Final = 400
 """Longest citation of a robot's paper: those of the robots here have up to 190 characters."""
-
-ROW_FILE_ROWS_MAX: Final = 10_000
-"""Rows in a Parquet file of a campaign, which has 1 000 and those of the tasks that end meanwhile."""
-ROW_FILE_GROUPS_MAX: Final = 16
-"""Groups of rows in it: it is written as one."""
-ROW_FILE_VALUES_MAX: Final = 1_000_000
-"""Values in one of its columns: a row has some ten parameters, and 1 000 for a scenario of 250 faults."""
-ROW_FILE_TEXTS_MAX: Final = 100_000
-"""Different texts in a column, which a report counts: 1 000 rows of as many scenarios have some 10 000 parameters."""
-ROW_FILE_BYTES_MAX: Final = 64 * MIB
-"""Its size, and what it takes unpacked: a row has some 2 KiB."""
-ROW_TEXT_CHARS_MAX: Final = 10_000
-"""Characters of a text in a row: longer ones are cut before they are written."""
 
 REPORT_BYTES_MAX: Final = 16 * MIB
 """A report has some 500 bytes for each axis and for each kind of violation, 10 KiB in all."""
@@ -63,11 +48,6 @@ JSON_BYTES_MAX: Final = 64 * MIB
 YAML_BYTES_MAX: Final = 8 * MIB
 """A YAML trajectory of this size takes ten seconds to be read; twenty thousand points of six joints, with velocities,
 fit."""
-
-MEASUREMENTS_MAX: Final = 10_000
-"""Measurements of a calibration: some 50 are usual; the derivatives of so many by 24 parameters take 6 MB."""
-MEASUREMENTS_BYTES_MAX: Final = 16 * MIB
-"""A measurement of eight joints with all digits has 250 bytes."""
 
 LOG_LINE_CHARS_MAX: Final = 256
 """Characters of a line of bus.log: StepTwin's have at most 50."""

@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import MISSING, Field, fields
+from functools import cache
 from typing import Any, Final, TypeVar
 
 from steptwin.host.common.errors import InputError
@@ -19,15 +20,16 @@ class Findings:
     def __init__(self, messages: list[str] | None = None, place: str = "") -> None:
         self.messages: list[str] = [] if messages is None else messages
         """Messages of the errors, in the order that they were found."""
-        self._place = place
+        self.place = place
+        """Where in the input they are: in front of each message."""
 
     def under(self, place: str) -> "Findings":
         """Return findings in a part of the input, whose messages get its place in front; all share one list."""
-        return Findings(self.messages, f"{self._place}{place}")
+        return Findings(self.messages, f"{self.place}{place}")
 
     def add(self, *messages: str) -> None:
         """Keep messages of errors."""
-        self.messages.extend(f"{self._place}{message}" for message in messages)
+        self.messages.extend(f"{self.place}{message}" for message in messages)
 
     @contextmanager
     def collecting(self, prefix: str = "") -> Iterator[None]:
@@ -93,19 +95,25 @@ def judged(make: type[Made], values: Mapping[str, object], findings: Findings) -
 
 def part_of(make: type[Made], values: Mapping[str, object]) -> Made:
     """Return settings with these fields only; any other raises UnreadError. Nothing is checked."""
-    whole: type[Any] = make
-    part: Made = object.__new__(_part_class(whole))
+    model: Any = make
+    part: Made = object.__new__(_part_class(model))
     for name, value in values.items():
         object.__setattr__(part, name, value)
     return part
 
 
-def _part_class(make: type[Any]) -> type[Any]:
-    return type(make.__name__, (make,), {"__slots__": (), "__getattr__": _unread})
+class Part:
+    """Base of settings that are incomplete, since something in them is wrong: reading a field that they lack raises."""
+
+    __slots__ = ()
+
+    def __getattr__(self, name: str) -> object:
+        raise UnreadError(name)
 
 
-def _unread(_: object, name: str) -> object:
-    raise UnreadError(name)
+@cache
+def _part_class(make: Any) -> type[Any]:
+    return type(make.__name__, (make, Part), {"__slots__": ()})
 
 
 def _fields(make: type[Any]) -> tuple[Field[Any], ...]:

@@ -12,11 +12,10 @@ from contextlib import contextmanager
 from enum import StrEnum
 from math import inf
 from reprlib import repr as short
-from typing import Any, Final, TypeVar
+from typing import Final, TypeVar
 
-from steptwin.host.common.bad_input import nearest, nearest_within, outside, prefixed, printable, shortened, unknown
+from steptwin.host.common.bad_input import nearest_within, outside, prefixed, printable, shortened, unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.findings import Findings
 from steptwin.host.common.numbers import LARGEST
 
 Choice = TypeVar("Choice", bound=StrEnum)
@@ -111,13 +110,6 @@ class Table:
             raise InputError(f"{key}: {short(value)} is not a text")
         return value
 
-    def name(self, key: str, chars_max: int) -> str:
-        """Return a text of printable characters, at least one and at most `chars_max`."""
-        value = self.text(key, empty=False)
-        with prefixed(f"{key}: "):
-            check_name(value, chars_max)
-        return value
-
     def number(self, key: str, least: float = -LARGEST, most: float = LARGEST, unit: str = "") -> float:
         """Return a finite number from `least` to `most`, at most LARGEST in size; `unit` is for the message."""
         value = number_at(key, self._take(key))
@@ -158,10 +150,6 @@ class Table:
             raise InputError(f"{key}: {value!r} is not one of {', '.join(choices)}")
         return choices(value)
 
-    def optional(self, key: str, read: Callable[[str], Made]) -> Made | None:
-        """Return the value that `read`, one of this table's methods, returns for a key; None if the key is missing."""
-        return read(key) if key in self else None
-
     def elements(self, key: str) -> list[object]:
         """Return the values of a list, unchecked."""
         value = self._take(key)
@@ -169,11 +157,11 @@ class Table:
             raise InputError(f"{key}: {short(value)} is not a list")
         return value
 
-    def each(self, key: str, make: Callable[["Table"], Made], findings: Findings | None = None) -> tuple[Made, ...]:
-        """Return `make(table)` for every table in a list; with findings, of those without a mistake."""
+    def each(self, key: str, make: Callable[["Table"], Made]) -> tuple[Made, ...]:
+        """Return `make(table)` for every table in a list."""
         made = []
         for i, value in enumerate(self.elements(key)):
-            with prefixed(f"{key}[{i}]: ") if findings is None else findings.collecting(f"{key}[{i}]: "):
+            with prefixed(f"{key}[{i}]: "):
                 made.append(make(Table(value, self._kind)))
         return tuple(made)
 
@@ -192,44 +180,7 @@ class Table:
         if strange := [key for key in self.values if key not in allowed]:
             raise InputError(*(f"{shortened(key)}: {unknown('key', key, allowed)}" for key in strange))
 
-    def read(
-        self, required: Mapping[str, "Reading"], optional: Mapping[str, "Reading"] | None = None
-    ) -> dict[str, Any]:
-        """Return the value of every key, None for an optional one that is missing.
-
-        Raise InputError with everything that is wrong. Unknown keys come first; the key that one of them should
-        probably be is not called missing.
-        """
-        findings, optional = Findings(), optional or {}
-        keys = {**required, **optional}
-        meant = {name for key in self.values if key not in keys for name in nearest(key, keys)}
-        values: dict[str, Any] = {}
-        with findings.collecting():
-            self.check_keys(keys)
-        for key, reading in keys.items():
-            if key in self or (key in required and key not in meant):
-                with findings.collecting():
-                    values[key] = reading(self, key)
-            elif key not in meant:
-                values[key] = None
-        findings.raise_first()
-        return values
-
     def _take(self, key: str) -> object:
         if key not in self.values:
             raise InputError(f"{key}: is missing")
         return self.values[key]
-
-
-Reading = Callable[[Table, str], Any]
-"""A method of Table, or another function of a table and a key, that returns the key's value or raises InputError."""
-
-
-def number_from(least: float, most: float = LARGEST, unit: str = "") -> Reading:
-    """Return the reading of a number within a range, as `Table.number`."""
-    return lambda table, key: table.number(key, least, most, unit)
-
-
-def integer_from(least: int, largest: float = LARGEST) -> Reading:
-    """Return the reading of a whole number within a range, as `Table.integer`."""
-    return lambda table, key: table.integer(key, largest, least)

@@ -164,7 +164,7 @@ def run_plan(
 
 
 SETTLED_S: Final = 0.02
-"""Time after the end of a stream in which the last step is made and the last status report arrives."""
+"""Time after the end of a stream for the last step and the last status report."""
 
 
 def axis_ends(machine: Machine, plan: Plan) -> tuple[AxisEnd, ...]:

@@ -1,1 +1,1 @@
-"""Planning: trajectories, the time laws, paths, motions and jobs that make them, and the planner that checks them."""
+"""Planning: trajectories, their time laws, paths, motions and jobs, and the planner that checks them."""

@@ -1,4 +1,4 @@
-"""The checks of a trajectory and of its points: all of them pass before anything is sent.
+"""Checks of a trajectory and of its points; all must pass before anything is sent.
 
 Each raises an InputError that names joint, time, value and limit.
 """
@@ -19,13 +19,13 @@ from steptwin.host.robots.robot import Robot
 from steptwin.protocol.pvt import I24_MAX, I24_MIN
 
 _LIMIT_TOLERANCE: Final = 1e-9
-"""Rounding error, in mm or degrees, allowed beyond a limit of position."""
+"""Largest rounding error, in mm or degrees, beyond a position limit."""
 BEYOND_STEPS: Final = 0.02
-"""Way in driver steps allowed beyond it between a motion's knots: cubics at a limit are nearer to their path."""
+"""Largest distance in driver steps beyond a position limit between a motion's knots: cubics deviate less."""
 
 
 class OutsideError(OutOfReachError):
-    """A joint leaves its range of positions; `joint` is the one, if it is known."""
+    """A joint leaves its position limits; `joint` is its name, if known."""
 
     def __init__(self, message: str, joint: Joint | None = None) -> None:
         super().__init__(message)
@@ -33,7 +33,7 @@ class OutsideError(OutOfReachError):
 
 
 class NotAtRestError(InputError):
-    """The motion starts or ends at speed."""
+    """The motion starts or ends with a velocity."""
 
 
 class TooFastError(InputError):
@@ -41,7 +41,7 @@ class TooFastError(InputError):
 
     Attributes:
         peaks: peaks beyond their limits, that of the message first; empty if PVT records cannot hold the motion.
-        advice: end of the message that says what would pass, as far as it is known.
+        advice: end of the message with a remedy, if known.
     """
 
     def __init__(self, message: str, peaks: tuple[Peak, ...] = (), advice: str = "") -> None:
@@ -51,7 +51,7 @@ class TooFastError(InputError):
 
     @property
     def least_stretch(self) -> float:
-        """A factor, at least 1, by less than which the motion is certainly not slow enough."""
+        """Lower bound, at least 1, of the stretch factors that pass."""
         return max((peak.stretch for peak in self.peaks), default=1.0)
 
 
@@ -63,10 +63,10 @@ def check_joint_names(robot: Robot, trajectory: Trajectory) -> None:
 
 
 class SampleCheck:
-    """Looks at a motion window by window: at the values of each joint, its positions and its speed at both ends."""
+    """Examines a motion window by window: all values of each joint, its positions, and its speed at both ends."""
 
     def __init__(self, robot: Robot, knots_ms: FloatArray) -> None:
-        """Look at a motion with such knots, by the times of its windows."""
+        """Prepare to examine a motion with these knots, by the times of its windows."""
         self._joints = robot.joints
         self._knots_ms = knots_ms
         self._beyond_between = BEYOND_STEPS / np.abs(robot.to_steps(np.eye(len(robot.joints)))).max(axis=1)
@@ -76,14 +76,14 @@ class SampleCheck:
         self._last: Samples | None = None
 
     def watched(self, windows: Iterable[Samples]) -> Iterator[Samples]:
-        """Look at windows as they are taken; raise InputError, as `check_positions`, at one that is not finite."""
+        """Examine windows as they pass; raise InputError, as `check_positions`, for one that is not finite."""
         for samples in self.looking(windows):
             if self._not_finite:
                 self.check_positions()
             yield samples
 
     def looking(self, windows: Iterable[Samples]) -> Iterator[Samples]:
-        """Look at windows as they are taken, whatever is in them."""
+        """Examine windows as they pass, without raising errors."""
         for samples in windows:
             self._look(samples)
             yield samples
@@ -125,7 +125,7 @@ class SampleCheck:
 
 
 def knots_ms(trajectory: Trajectory) -> FloatArray:
-    """Return the times in ms of a motion's breakpoints; there, and at rest, it is exactly where it shall be."""
+    """Return the times in ms of a motion's breakpoints; there, and at rest, points are exact."""
     return np.round(1000 * np.array(trajectory.breakpoints_s))
 
 
@@ -161,7 +161,7 @@ def _not_finite(joint: Joint, t_s: FloatArray, positions: FloatArray, velocities
 
 
 class _Beyond(NamedTuple):
-    """A joint beyond its limits: where and when it is first, how far it goes, and whether that is too far anywhere."""
+    """A joint beyond its limits: first place and time, largest distance, and whether the distance is too large."""
 
     position: float
     t_s: float
@@ -170,7 +170,7 @@ class _Beyond(NamedTuple):
 
     @classmethod
     def of(cls, joint: Joint, t_s: FloatArray, positions: FloatArray, may: FloatArray) -> "_Beyond | None":
-        """Return where a joint is beyond its limits, if it is; `may` says how far it may be at each instant."""
+        """Return a joint's first position beyond its limits; `may` is the allowed distance at each instant."""
         beyond = np.maximum(joint.lower - positions, positions - joint.upper)
         outside = beyond > _LIMIT_TOLERANCE
         if not outside.any():
@@ -179,7 +179,7 @@ class _Beyond(NamedTuple):
         return cls(float(positions[i]), float(t_s[i]), float(beyond.max()), bool((outside & (beyond > may)).any()))
 
     def and_later(self, later: "_Beyond") -> "_Beyond":
-        """Return this together with what a later window shows."""
+        """Return this combined with a later window."""
         return self._replace(farthest=max(self.farthest, later.farthest), counts=self.counts or later.counts)
 
     def error(self, joint: Joint) -> OutsideError:

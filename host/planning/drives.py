@@ -1,29 +1,31 @@
-"""What limits a motion that is timed as a whole besides its joints: the drives, as a machine's motors allow.
+"""Limits of whole motions besides those of joints: the drives of a machine, by its motors.
 
-Planning knows the limits of joints, but no motor. So a caller hands in what knows them, such as a feature's drive model
-(`known_drives`). Without it motions are within the joints' limits, and a program that asks for motors is refused.
+Planning knows the limits of joints, but not motors. So a caller passes the drives' limits, such as a feature's drive
+model (`known_drives`). Without it motions are within the joints' limits, and a program that needs motors is refused.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from typing import Annotated, Any, Final, Literal, Protocol
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import drive_model
+from steptwin.host.common.file_models import FileTable
+from steptwin.host.common.file_values import Within
 from steptwin.host.robots.robot import Robot
 
 
 @dataclass(frozen=True, slots=True)
 class DriveAnswer:
-    """What the drives say of a motion that they keep step with.
+    """Margins of the drives in a motion that they can follow.
 
     Attributes:
-        left_percent: least torque that is left at a steady speed, of all joints: the static margin.
-        joint: the joint that has no more left.
-        at_s: when, from the begin of the motion.
+        left_percent: least torque that remains at a steady speed, of all joints: the static margin.
+        joint: the joint with this margin.
+        at_s: its time from the start of the motion.
         load_deg: greatest load angle of a rotor, in electrical degrees.
-        average_s: time over which the motion was averaged.
-        slips_at: stretch of the motion, below 1, at which a rotor would slip; None if none does down to 0.5.
+        average_s: averaging time of the motion.
+        slips_at: stretch of the motion, below 1, at which a rotor would slip; None if none slips at 0.5.
         tries: number of motions that were tried.
     """
 
@@ -49,53 +51,55 @@ class DriveAnswer:
 
 
 class DriveLimits(Protocol):
-    """The drives of a machine, and how much of their torque is to be left."""
+    """Drives of a machine, and their torque reserve."""
 
     def left_more(self, percent: float) -> "DriveLimits":
-        """Return the same with more percent left."""
+        """Return the limits with a larger reserve."""
         ...
 
     def along(self, rates: Any, load: Any) -> Any:
-        """Return the drives on a path, for who times motions as a whole.
+        """Return the drives on a path, for the timing of whole motions.
 
         Raises:
-            InputError: weights alone need too much; the message has the number.
+            InputError: the weights alone need too much torque; the message has the number.
         """
         ...
 
 
 MakeDrives = Callable[[Robot, float], DriveLimits]
-"""Makes the drives' limits of a robot, of a percentage of the torque that is to be left; InputError without motors."""
+"""Makes the limits of a robot's drives for a torque reserve in percent; raises InputError without motors."""
 
 
 def known_drives() -> MakeDrives | None:
-    """Return what makes the limits of a robot's drives; None if no feature knows any."""
+    """Return the function that makes the limits of a robot's drives; None without such a feature."""
     model = drive_model()
     return None if model is None else model.limits
 
 
 LEFT_PERCENT: Final = 30.0
-"""Torque that is usually left: what builders keep in hand for what a model does not know."""
+"""Usual torque reserve in percent, for effects that a model leaves out."""
 
 
 def check_drives(drives: DriveLimits | None, *, is_fastest: bool) -> None:
-    """Raise InputError for drives that limit a motion by another law."""
+    """Raise InputError for drives that limit a motion of another law."""
     if drives is not None and not is_fastest:
         raise InputError("law=fastest is needed: the motors limit no other law")
 
 
 @dataclass(frozen=True, slots=True)
-class AskedLimits:
-    """What a file asks for: motions as fast as the motors manage, with some of their torque left."""
+class AskedLimits(FileTable):
+    """What a file asks for: motions as fast as the motors manage, with some of their torque left.
 
-    left_percent: float = LEFT_PERCENT
+    Attributes:
+        from_: where the limits come from.
+        left_percent: torque that is left.
+    """
 
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.left_percent <= 90.0:
-            raise InputError(f"{self.left_percent:g} % is not from 0 to 90 %")
+    from_: Literal["motors"]
+    left_percent: Annotated[float, Within(0.0, 90.0, "%")] = LEFT_PERCENT
 
     def drives(self, robot: Robot, make: MakeDrives | None) -> DriveLimits:
-        """Return the drives of a robot; raise InputError if nothing here knows them."""
+        """Return the drives of a robot; raise InputError if `make` is missing."""
         if make is None:
             raise InputError(
                 "limits.from: 'motors': planning alone knows no motors; `steptwin run` and `check` do, and in Python"

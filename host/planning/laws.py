@@ -53,10 +53,10 @@ LONGEST_MS: Final = 10**9
 
 _TIME_S: Final = 1e-9
 _HALVINGS: Final = 64
-"""Accuracy of the time at which a law is at a place: a fraction of a timer's count."""
+"""Number of bisections for the time of a law at a position: a fraction of a timer's count."""
 
 _SLACK: Final = 1e-12
-"""Part of a limit by which it may be exceeded: without it a rounding error would lengthen round times by 1 ms."""
+"""Relative tolerance of limits; otherwise a rounding error would lengthen round times by 1 ms."""
 
 
 def check_duration(duration_s: float) -> None:
@@ -113,12 +113,12 @@ def shortest_ms(by_speed_ms: float, by_ramp_ms: Callable[[int], float], shortest
 
 
 def time_at(law: Law, position: float) -> float:
-    """Return the time in seconds when a law that does not turn back is first at a position on its way."""
+    """Return the first time in seconds when a monotonic law is at a position."""
     return time_after(lambda t_s: abs(float(law.position(np.array([t_s]))[0])) < abs(position), law.duration_s)
 
 
 def time_after(is_before: Callable[[float], bool], duration_s: float) -> float:
-    """Return the end of the time in a duration for which something holds, from its begin on, by halving."""
+    """Return the end of the time from 0 for which a condition holds, by bisection."""
     low_s, high_s = 0.0, duration_s
     for _ in range(_HALVINGS):
         if high_s - low_s <= _TIME_S:

@@ -280,7 +280,7 @@ class SampledPath:
 
     @classmethod
     def through(cls, poses: FloatArray, smoothing: Smoothing) -> Self:
-        """Return the curve through poses of shape (n, task.width), each column of which is interpolated.
+        """Return the curve through poses of shape (n, task.width), each column interpolated.
 
         Raises:
             InputError: there are fewer than three poses, or two successive ones are at the same position.
@@ -315,7 +315,7 @@ EVENNESS: Final = 0.005
 _PARTS_MIN, _PARTS_MAX = 16, 1024
 """Bounds of the number of parts in which the curve between two poses is measured; EVENNESS determines it."""
 _BETWEEN: Final = np.arange(1, 8) / 8
-"""Points in a part at which the speed is checked."""
+"""Points in a part where the speed is checked."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 """Gauss' nodes and weights for the length of a part: exact for polynomials of degree 11."""
 

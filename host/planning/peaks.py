@@ -1,4 +1,4 @@
-"""The highest speed, acceleration and step rate of each joint in a motion, beside their limits."""
+"""The highest speed, acceleration and step rate of each joint in a motion, with their limits."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -16,17 +16,17 @@ from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
 
 LONGEST_MS: Final = 3_600_000
-"""Longest motion, an hour: each millisecond of it is looked at, so its length decides how long that takes."""
+"""Longest motion, an hour: each millisecond is examined, which takes time in proportion."""
 WINDOW_MS: Final = 1 << 17
-"""Part of a motion that is looked at at once, some two minutes: it bounds the memory, whatever the motion's length."""
+"""Part of a motion that is examined at once, some two minutes; bounds the memory."""
 
 
 class TooLongError(InputError):
-    """A motion would last more than LONGEST_MS."""
+    """A motion lasts more than LONGEST_MS."""
 
 
 def check_length(what: str, duration_ms: int) -> None:
-    """Raise TooLongError, with what is meant in front, for more than LONGEST_MS."""
+    """Raise TooLongError, with `what` in front, for more than LONGEST_MS."""
     if duration_ms > LONGEST_MS:
         raise TooLongError(f"{what} lasts {duration_ms / 1000:.9g} s, more than an hour, {LONGEST_MS // 1000} s")
 
@@ -39,27 +39,27 @@ class Samples(NamedTuple):
     velocities: FloatArray
 
     def row(self, i: int) -> "Samples":
-        """Return one millisecond, as a copy, which keeps nothing else of the window."""
+        """Return one millisecond as a copy, which does not keep the window in memory."""
         return self.rows(np.array([i]))
 
     def rows(self, chosen: Int64Array) -> "Samples":
-        """Return some milliseconds, as copies."""
+        """Return selected milliseconds as copies."""
         return Samples(self.t_s[chosen], self.positions[chosen], self.velocities[chosen])
 
     def followed_by(self, later: "Samples") -> "Samples":
-        """Return these and later ones."""
+        """Return these samples and later ones."""
         return Samples(*(np.concatenate(pair) for pair in zip(self, later, strict=True)))
 
 
 def sampled(trajectory: Trajectory) -> Iterator[Samples]:
-    """Yield a trajectory in windows; each begins with the millisecond with which the one before ends."""
+    """Yield a trajectory in windows; each begins with the last millisecond of the one before."""
     for times_ms in windows_ms(round(1000 * trajectory.duration_s)):
         t_s = times_ms / 1000
         yield Samples(t_s, *states(trajectory, t_s))
 
 
 def shifted(windows: Iterable[Samples], from_s: float) -> Iterator[Samples]:
-    """Yield the windows of a part of a motion with the motion's times; the part begins at `from_s`."""
+    """Yield a part's windows with the motion's times; the part begins at `from_s`."""
     for samples in windows:
         yield samples._replace(t_s=samples.t_s + from_s)
 
@@ -76,10 +76,10 @@ def windows_ms(end_ms: int) -> Iterator[Int64Array]:
 
 
 _ROUNDING: Final = 1e-9
-"""Rounding error allowed beyond a limit of speed or acceleration, as a fraction of it."""
+"""Largest rounding error beyond a limit of speed or acceleration, as a fraction of it."""
 _Q16: Final = 1 << 16
 _RECORDS_AT_ONCE: Final = 1 << 15
-"""Number of PVT records whose step rates are computed at once, which bounds the memory."""
+"""Number of PVT records with step rates computed at once; bounds the memory."""
 
 
 class Quantity(StrEnum):
@@ -94,7 +94,7 @@ class Quantity(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Peak:
-    """The highest value of a quantity at a joint, and when the motion has it.
+    """Highest value of a quantity at a joint, with its time.
 
     Attributes:
         quantity: quantity that has the peak.
@@ -102,7 +102,7 @@ class Peak:
         value: size of the peak, in `unit`.
         limit: limit of the size, in `unit`.
         unit: unit of value and limit.
-        t_s: time of the peak; for a step rate the beginning of its PVT record.
+        t_s: time of the peak; for a step rate, the start of its PVT record.
     """
 
     quantity: Quantity
@@ -119,28 +119,28 @@ class Peak:
 
     @property
     def stretch(self) -> float:
-        """The factor by which the motion must last longer, at least 1, to have the peak at its limit."""
+        """Factor, at least 1, on the duration that puts the peak at its limit."""
         ratio = max(1.0, self.value / self.limit)
         return sqrt(ratio) if self.quantity in (Quantity.ACCELERATION, Quantity.AXIS_ACCELERATION) else ratio
 
     @property
     def exceeded(self) -> bool:
-        """True if the peak is beyond its limit: by more than rounding errors, or for a step rate at all.
+        """True if the peak exceeds its limit: by more than rounding errors, or for a step rate at all.
 
-        The firmware compares step rates as integers, so the planner must not pass what the firmware refuses.
+        The firmware compares step rates as integers, so the planner must not accept more than the firmware.
         """
         return self.value > self.limit * (1.0 if self.quantity is Quantity.STEP_RATE else 1.0 + _ROUNDING)
 
 
 def highest(found: Iterable[Iterable[Peak]]) -> tuple[Peak, ...]:
-    """Return the highest of the peaks that the windows of a motion have, quantity by quantity; the first of equals."""
+    """Return the highest peak of each quantity over all windows; the first of equal ones."""
     return tuple(max(of_one, key=lambda peak: peak.value) for of_one in zip(*found, strict=True))
 
 
 def speed_peaks(robot: Robot, samples: Samples) -> Iterator[Peak]:
-    """Yield a window's peaks of speed and acceleration, joint by joint, then those of the axes that are coupled.
+    """Yield a window's peaks of speed and acceleration, joint by joint, then those of coupled axes.
 
-    The acceleration is the mean over each interval of the grid, inside which it does not jump.
+    The acceleration is the mean over each interval of the grid, where it does not jump.
     """
     velocities = _with_axes(robot, samples.velocities)
     for joint, column, limits in _limited(robot):
@@ -148,22 +148,22 @@ def speed_peaks(robot: Robot, samples: Samples) -> Iterator[Peak]:
 
 
 _Limits = tuple[tuple[Quantity, float], ...]
-"""The quantities of speed and of acceleration, each with its limit."""
+"""Quantities of speed and of acceleration, each with its limit."""
 _RATES: Final = ("s", "s^2")
-"""What their units are per."""
+"""Denominators of their units."""
 
 
 def _with_axes(robot: Robot, joints: FloatArray) -> FloatArray:
-    """Return values of the joints, of shape (n, joints), beside those of the axes where any are coupled."""
+    """Return values of the joints, of shape (n, joints), with those of the axes if any are coupled."""
     return np.concatenate([joints, robot.coupling.to_axes(joints)], axis=1) if robot.coupling.matrix else joints
 
 
 def _limited(robot: Robot) -> Iterator[tuple[Joint, int, _Limits]]:
-    """Yield each joint, then those whose axes are coupled, with the column of their values and with their limits."""
+    """Yield each joint, then each coupled axis, with the column of its values and with its limits."""
     for i, joint in enumerate(robot.joints):
         yield joint, i, ((Quantity.SPEED, joint.speed_max), (Quantity.ACCELERATION, joint.acceleration_max))
     axis_limits = list(zip(robot.axis_speeds_max.tolist(), robot.axis_accelerations_max.tolist(), strict=True))
-    for i, joint in enumerate(robot.joints):  # second motors move as the first
+    for i, joint in enumerate(robot.joints):  # second motors move like the first ones
         if robot.coupling.couples(i):
             speed_max, acceleration_max = axis_limits[i]
             limits = ((Quantity.AXIS_SPEED, speed_max), (Quantity.AXIS_ACCELERATION, acceleration_max))
@@ -171,7 +171,7 @@ def _limited(robot: Robot) -> Iterator[tuple[Joint, int, _Limits]]:
 
 
 def _peaks(joint: Joint, t_s: FloatArray, velocities: FloatArray, limits: _Limits) -> Iterator[Peak]:
-    """Yield the peaks of a speed and of its acceleration, whose quantities and limits are given in this order."""
+    """Yield the peaks of a speed and of its acceleration; `limits` has both in this order."""
     accelerations = np.diff(velocities) / np.diff(t_s)
     for values, (quantity, limit), unit in zip((velocities, accelerations), limits, _RATES, strict=True):
         sizes = np.abs(values)
@@ -180,18 +180,18 @@ def _peaks(joint: Joint, t_s: FloatArray, velocities: FloatArray, limits: _Limit
 
 
 _BETWEEN_POINTS: Final = 5e-4
-"""Part of a limit by which a cubic between two points may exceed it: a motion at its limit is not itself a cubic."""
+"""Fraction of a limit by which a cubic between two points may exceed it: a motion at its limit is no cubic."""
 
 
 def excess_between_points(robot: Robot, points: Samples) -> Iterator[Peak]:
     """Yield the peaks beyond a limit of the cubics between a motion's points, which the board executes.
 
-    A motion keeps its limits in each millisecond, and its cubics keep them too, unless its acceleration jumps between
-    two points. A cubic's acceleration is linear, so its mean over 1 ms is highest in the first or in the last one.
+    A motion keeps its limits in each millisecond, and so do its cubics, unless its acceleration jumps between two
+    points. A cubic's acceleration is linear, so its mean over 1 ms is highest in the first or in the last one.
     """
     if len(points.t_s) < 2:
         return
-    with np.errstate(over="ignore", invalid="ignore"):  # speeds beyond all limits are refused anyway
+    with np.errstate(over="ignore", invalid="ignore"):  # speeds far beyond their limits are refused anyway
         yield from _excess(robot, *points)
 
 
@@ -227,7 +227,7 @@ def _step_rate_peaks(robot: Robot, times_ms: Int64Array, points: FloatArray, vel
     hulls_q16 = _velocity_hulls_q16(robot, dt_ms, points.astype(np.int64), velocities.astype(np.int64))
     rates_hz = hulls_q16 * (1000 / _Q16) / dt_ms
     limit_hz = floor(robot.board.driver_rate_max_hz * _Q16 / 1000) * 1000 / _Q16
-    for i, joint in enumerate(robot.joints):  # second motors make the steps of the first
+    for i, joint in enumerate(robot.joints):  # second motors make the steps of the first ones
         worst = int(np.argmax(rates_hz[:, i]))
         at_s = float(times_ms[worst]) / 1000
         yield Peak(Quantity.STEP_RATE, joint.name, float(rates_hz[worst, i]), limit_hz, "Hz", at_s)

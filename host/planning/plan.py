@@ -1,4 +1,4 @@
-"""A plan: a checked trajectory as points on the wire, and how much faster it may be made, by its peaks and the bus."""
+"""A plan: a checked trajectory as points on the wire, and its highest speed by its peaks and the bus."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,10 +21,10 @@ PLANNED_PERCENT: Final = 100
 BITS_OF_A_RECORD: Final = 135
 """Longest frame of eight bytes with a standard identifier and the space after it, in bits (ISO 11898-1).
 
-That is 47 + 64, and a stuff bit for every fourth of the 34 + 64 - 1 bits after the first that may be stuffed.
+It has 47 + 64 bits, and a stuff bit for every fourth of the 34 + 64 - 1 bits after the first stuffable one.
 """
 BUS_PART: Final = 0.8
-"""Part of the bus that the records may take: the rest is for the nodes' reports and for records that are sent again."""
+"""Fraction of the bus for the records; the rest is for the nodes' reports and for repeated records."""
 _ACCELERATIONS: Final = (Quantity.ACCELERATION, Quantity.AXIS_ACCELERATION)
 _ROUNDING: Final = 1e-9
 
@@ -35,7 +35,7 @@ class Plan:
 
     Attributes:
         robot: the robot that moves.
-        trajectory: the motion from which the points were sampled.
+        trajectory: motion that the points were sampled from.
         times_ms: shape (points,), whole milliseconds, from 0 to the end.
         points_units: shape (points, joints), absolute positions in wire units.
         velocities: shape (points, joints), in 1/64 unit per ms; 0 at both ends.
@@ -80,7 +80,7 @@ class Plan:
         The other records stay as they are.
 
         Raises:
-            ValueError: a standstill is at no point, or is not a whole number of records.
+            ValueError: a standstill is not at a point, or is not a whole number of records.
         """
         times_ms, points, velocities = self.times_ms, self.points_units, self.velocities
         for hold in reversed(holds):
@@ -101,27 +101,28 @@ class Plan:
         )
 
     def highest(self, quantity: Quantity) -> Peak:
-        """Return the peak of a quantity that is nearest to its limit, of all joints."""
+        """Return the peak of a quantity that is nearest to its limit, over all joints."""
         return max((peak for peak in self.peaks if peak.quantity is quantity), key=lambda peak: peak.percent)
 
     @cached_property
     def highest_speed(self) -> "HighestSpeed":
-        """The highest speed at which it may be executed, by limits, drivers, bus and, where the robot has them, motors.
+        """Highest speed of its execution, by limits, drivers, bus and motors, if any.
 
-        It is found out when it is first asked for: to turn the motors beforehand takes some time.
+        It is computed on first use, since turning the motors takes some time.
         """
         found = [HighestSpeed(RATE_PERCENT_MAX, "this is the highest speed"), _by_bus(self)]
         found += [HighestSpeed(_by_peak(peak), f"{peak.joint}: {peak.quantity}") for peak in self.peaks]
         lowest = min(found, key=lambda each: each.percent)
         if lowest.percent <= PLANNED_PERCENT:
             return lowest._replace(percent=PLANNED_PERCENT)
-        held = _by_drives(self, lowest.percent)
+        drives = drive_model()
+        held = None if drives is None else drives.highest_speed(self, lowest.percent)
         return lowest if held is None or held.percent >= lowest.percent else held
 
     def until(self, end_ms: int) -> "Plan":
-        """Return the plan up to a point where it stands; raise ValueError for another time.
+        """Return the plan up to a point at standstill; raise ValueError for another time.
 
-        The peaks stay those of the whole.
+        The peaks stay those of the whole plan.
         """
         at = np.flatnonzero(self.times_ms == end_ms)
         if not at.size or self.velocities[at].any():
@@ -136,7 +137,7 @@ class Plan:
         )
 
     def check_start(self, joints: list[float]) -> None:
-        """Raise InputError, naming the joint, if the machine stands half a step or more away from the start.
+        """Raise InputError, naming the joint, if the machine is half a step or more away from the start.
 
         `joints` are the machine's positions in mm and degrees.
         """
@@ -153,7 +154,7 @@ class Plan:
 
 
 class HighestSpeed(NamedTuple):
-    """The highest speed at which a motion may be executed, in percent of the planned one, and what allows no more."""
+    """Highest speed of a motion's execution, in percent of the planned one, and its limiting factor."""
 
     percent: int
     by: str
@@ -163,16 +164,10 @@ def highest_speed(plan: Plan) -> HighestSpeed:
     """Return the highest speed of a motion, a whole percentage from 100 to 150.
 
     At r times the planned speed, speeds and step rates are r times as high and accelerations r^2 times. So r is at most
-    the least limit / peak, for accelerations its square root. Step rates are compared in the board's integers. A robot
-    with motors turns them by the motion: at r times the speed they must keep step, with some reserve.
+    the least limit / peak, or its square root for accelerations. Step rates are compared in the board's integers. A
+    robot's motors turn by the motion: at r times the speed they must keep step, with some reserve.
     """
     return plan.highest_speed
-
-
-def _by_drives(plan: Plan, percent: int) -> HighestSpeed | None:
-    """Return the highest speed up to a percentage that the drives hold; None if nothing is known of them."""
-    drives = drive_model()
-    return None if drives is None else drives.highest_speed(plan, percent)
 
 
 def _by_peak(peak: Peak) -> int:
@@ -186,7 +181,7 @@ def _by_peak(peak: Peak) -> int:
 
 
 def _by_step_rate(peak: Peak) -> int:
-    """Return the highest percentage at which the board takes the fastest record (see `AxisMotion.push_record`)."""
+    """Return the highest percentage with which the board accepts the fastest record (see `AxisMotion.push_record`)."""
     limit_q16 = round(peak.limit * FULL_RATE_Q16 / 1000)
     percent = min(RATE_PERCENT_MAX, floor(100 * peak.limit / peak.value))
     while (

@@ -1,4 +1,4 @@
-"""The planner: from a trajectory to PVT points, checked before anything is sent.
+"""The planner: convert a trajectory to PVT points, checked before anything is sent.
 
 Positions are converted to wire units on absolute values and rounded once; a record's displacement is the difference of
 two rounded absolutes, so rounding errors do not add up. Velocities are the trajectory's own at the points.
@@ -50,7 +50,7 @@ def plan(robot: Robot, trajectory: Trajectory, point_ms: int = DEFAULT_POINT_MS)
 def plan_stretched(
     robot: Robot, trajectory: Trajectory, stretch: float | None = None, point_ms: int = DEFAULT_POINT_MS
 ) -> Plan:
-    """Plan a trajectory that takes `stretch` times as long, or with None as long as it must, as `plan` does."""
+    """Plan a trajectory stretched by a factor, or with None by the smallest one that passes, as `plan` does."""
     asked = 1.0 if stretch is None else stretch
     try:
         return _plan(robot, _stretched(trajectory, asked), point_ms)
@@ -76,9 +76,9 @@ def stretch_that_passes(
     asked: float = 1.0,
     point_ms: int = DEFAULT_POINT_MS,
 ) -> float:
-    """Return the smallest stretch that passes, above the one asked for; raise InputError if there is none.
+    """Return the smallest stretch above `asked` that passes; raise InputError if there is none.
 
-    `error` is the refusal of the motion with the stretch asked for.
+    `error` is the refusal of the motion with the stretch `asked`.
     """
 
     def passes(stretched: Trajectory) -> bool:
@@ -101,7 +101,7 @@ def _passes(robot: Robot, trajectory: Trajectory, point_ms: int) -> bool:
 
 
 def _slower_drives(robot: Robot, trajectory: Trajectory, point_ms: int, error: checks.TooFastError) -> str:
-    """Return which drives would make few enough steps, if the motion then passes; an empty text otherwise."""
+    """Return the drivers that need few enough steps, if the motion passes with them; otherwise an empty text."""
     parts = {peak.joint: peak.limit / peak.value for peak in error.peaks if peak.quantity is Quantity.STEP_RATE}
     choices = robot.board.profile.chip.microsteps
     changed = {name: with_fewer_steps(robot.joint(name), part, choices) for name, part in parts.items()}
@@ -113,21 +113,21 @@ def _slower_drives(robot: Robot, trajectory: Trajectory, point_ms: int, error: c
 
 
 def step_peaks(robot: Robot, part: Trajectory, from_ms: int, windows: Iterable[Samples]) -> tuple[Peak, ...]:
-    """Return the peaks of a part of a motion that begins at a time of it, as the planner finds them in the whole.
+    """Return the peaks of a part of a motion from a time on, as the planner finds them in the whole.
 
     `windows` are those of the part. Raises TooFastError if PVT records cannot hold it.
     """
     own_ms = _point_times_ms(part, DEFAULT_POINT_MS, from_ms)
-    looked = _Looked.at(robot, own_ms, windows)
+    looked = _Examined.at(robot, own_ms, windows)
     return (*looked.step_rates(own_ms + from_ms), *looked.peaks, *looked.excess)
 
 
 def _plan(robot: Robot, trajectory: Trajectory, point_ms: int) -> Plan:
-    """Plan a trajectory; raise TooFastError for one that passes if it is stretched."""
+    """Plan a trajectory; raise TooFastError if it must be stretched."""
     checks.check_joint_names(robot, trajectory)
     times_ms = _point_times_ms(trajectory, point_ms)
     check = checks.SampleCheck(robot, checks.knots_ms(trajectory))
-    looked = _Looked.at(robot, times_ms, check.watched(sampled(trajectory)))
+    looked = _Examined.at(robot, times_ms, check.watched(sampled(trajectory)))
     check.check_positions()
     check.check_rest()
     peaks = (*looked.step_rates(times_ms), *looked.peaks)
@@ -137,15 +137,15 @@ def _plan(robot: Robot, trajectory: Trajectory, point_ms: int) -> Plan:
     return Plan(robot, trajectory, times_ms, points, velocities, peaks)
 
 
-class _Looked(NamedTuple):
-    """A motion looked at window by window.
+class _Examined(NamedTuple):
+    """Results of examining a motion window by window.
 
     Attributes:
         robot: the robot.
-        points: shape (points, axes), positions in wire units, as floats, which cannot overflow.
-        velocities: shape (points, axes), velocities in 1/64 unit per ms, likewise.
+        points: shape (points, axes), positions in wire units as floats, which cannot overflow.
+        velocities: shape (points, axes), velocities in 1/64 unit per ms as floats.
         peaks: peaks of speed and acceleration.
-        excess: peaks beyond a limit of the cubics between the points; they count if the other peaks pass.
+        excess: peaks beyond a limit of the cubics between the points; used if the other peaks pass.
     """
 
     robot: Robot
@@ -155,8 +155,8 @@ class _Looked(NamedTuple):
     excess: tuple[Peak, ...]
 
     @classmethod
-    def at(cls, robot: Robot, times_ms: Int64Array, windows: Iterable[Samples]) -> "_Looked":
-        """Look at a motion, whose points are at these times."""
+    def at(cls, robot: Robot, times_ms: Int64Array, windows: Iterable[Samples]) -> "_Examined":
+        """Examine a motion with points at these times."""
         points = np.empty((len(times_ms), len(robot.axes)))
         velocities = np.empty_like(points)
         peaks, excess, begin_ms, first = [], list[Peak](), 0, 0
@@ -176,7 +176,7 @@ class _Looked(NamedTuple):
         return cls(robot, points, np.round(per_ms), highest(peaks), tuple(excess))
 
     def step_rates(self, times_ms: Int64Array) -> tuple[Peak, ...]:
-        """Return the peaks of the step rates, at these times; raise TooFastError if PVT records cannot hold them."""
+        """Return the peaks of the step rates at these times; raise TooFastError if PVT records cannot hold them."""
         checks.check_record_widths(self.robot, times_ms, self.points, self.velocities)
         return step_rate_peaks(self.robot, times_ms, self.points, self.velocities)
 

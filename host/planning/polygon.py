@@ -1,4 +1,4 @@
-"""The polygon of straight lines from point to point, and how far a motion through the points leaves it."""
+"""The polygon of straight lines between points, and the deviation of a motion through the points from it."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,27 +13,27 @@ from steptwin.host.robots.kinematics.base import tool_places_mm
 from steptwin.host.robots.robot import Robot
 
 RANGE_PART: Final = 0.01
-"""Part of a joint's range by which a motion may leave the polygon unremarked."""
+"""Fraction of a joint's range up to which a deviation gets no warning."""
 
 TOOL_MM: Final = 1.0
-"""Distance by which the tool may leave the polygon unremarked."""
+"""Distance of the tool up to which a deviation gets no warning."""
 
 TOOL: Final = "tool"
 
 _CHUNK: Final = 1 << 16
-"""Instants that are compared at once, which bounds the memory for a motion of an hour."""
+"""Number of instants compared at once; bounds the memory."""
 
 
 @dataclass(frozen=True, slots=True)
 class Departure:
-    """The largest distance of a joint, or of the tool, from the polygon.
+    """The largest deviation of a joint, or of the tool, from the polygon.
 
     Attributes:
         what: name of the joint, or TOOL.
         distance: distance, in `unit`.
         unit: mm or deg.
-        t_s: time when the motion is there.
-        allowed: distance up to which it goes unremarked.
+        t_s: time of the deviation.
+        allowed: distance up to which it gets no warning.
     """
 
     what: str
@@ -44,7 +44,7 @@ class Departure:
 
     @property
     def is_large(self) -> bool:
-        """Whether it is worth a warning."""
+        """True if it deserves a warning."""
         return self.distance > self.allowed
 
 
@@ -55,8 +55,8 @@ class Polygon:
     Attributes:
         times_s: shape (points,).
         positions: joint positions, of shape (points, joints), in mm and degrees.
-        tool_mm: x, y and z of the points, of shape (points, 3), if the tool has straight lines too; None if it is to
-            follow the joints' lines.
+        tool_mm: x, y and z of the points, of shape (points, 3), if the tool has straight lines, too; None if it follows
+            the joints' lines.
     """
 
     times_s: FloatArray
@@ -69,11 +69,11 @@ class Polygon:
         return velocities
 
     def departures(self, robot: Robot, motion: Trajectory) -> tuple[Departure, ...]:
-        """Return how far each joint, and at last the tool, leaves the polygon.
+        """Return the largest deviation of each joint, and then of the tool, from the polygon.
 
-        At each instant it is the distance from the nearest place of the line between the two points around it, not from
-        where constant speed would have the motion; what is nearest is measured in parts of the joints' ranges. At the
-        times of the points it is the distance from the point, which a blend misses.
+        At each instant it is the distance from the nearest place on the line between the neighbouring points, not from
+        the place at constant speed. Nearness is measured in fractions of the joints' ranges. At the points' times it is
+        the distance from the point, which a blend misses.
         """
         names = (*robot.joint_names, TOOL)
         units = (*(joint.unit for joint in robot.joints), "mm")
@@ -88,7 +88,7 @@ class Polygon:
         return tuple(Departure(*row) for row in rows)
 
     def _distances(self, robot: Robot, motion: Trajectory) -> Iterator[tuple[FloatArray, FloatArray]]:
-        """Yield instants of shape (n,) with the distances of all joints and the tool, of shape (n, joints + 1)."""
+        """Yield instants of shape (n,) with the deviations of all joints and the tool, of shape (n, joints + 1)."""
         end_ms = round(1000 * motion.duration_s)
         for first in range(0, end_ms + 1, _CHUNK):
             t_s = np.arange(first, min(first + _CHUNK, end_ms + 1)) / 1000
@@ -112,7 +112,7 @@ def _tool_mm(robot: Robot, joints: FloatArray) -> FloatArray:
 
 
 def _apart(robot: Robot, joints: FloatArray, wanted: FloatArray, wanted_mm: FloatArray | None) -> FloatArray:
-    """Return the distances of joints and tool from where they should be, the tool by its joints without a place."""
+    """Return the distances of joints and tool from wanted positions; the tool's default is its place by the joints."""
     if wanted_mm is None:
         wanted_mm = _tool_mm(robot, wanted)
     off_mm = np.linalg.norm(_tool_mm(robot, joints) - wanted_mm, axis=1)

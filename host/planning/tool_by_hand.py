@@ -1,14 +1,14 @@
-"""Plan one step of the tool by hand: straight along axes, or turning on the spot, as fast as is allowed.
+"""Plan one step of the tool by hand: straight along axes, or turning on the spot, at the highest allowed speed.
 
-The axes are the world's, or the tool's own as it stands at the start: a turn about one of these is the same turn about
-the direction that this axis has in the world, since it does not move.
+The axes are the world's, or the tool's own at the start. A rotation about a tool axis equals one about its direction in
+the world, since the axis does not move.
 
 Along the path the joints move by q'(s) for each mm or degree s of the tool. So the tool may have at most the speed
 
     v(s) = min(speed_max / |q'|, sqrt(acceleration_max / |q''|))
 
-over all joints and axes, at a constant speed; ramps are the planner's. The way ends where the speed asked for would be
-too high. A way that would end soon is made at half the speed, or half of that, since near a singularity v(s) falls.
+over all joints and axes, at a constant speed; the planner checks ramps. A jog ends where its speed would be too high. A
+jog that would end soon is made at half the speed, or half of that, since v(s) falls near a singularity.
 """
 
 from collections.abc import Mapping
@@ -36,23 +36,23 @@ from steptwin.host.robots.poses import PLACE, STEP_NAMES, TURNS, Pose, Task, Tur
 from steptwin.host.robots.robot import Robot
 
 SPEED_MAX_MM_S: Final = 250.0
-"""Highest speed of a tool that is moved by hand: the reduced speed of ISO 10218-1:2011, clause 5.6.2."""
+"""Highest speed of a tool moved by hand: the reduced speed of ISO 10218-1:2011, clause 5.6.2."""
 TURN_SPEED_MAX_DEG_S: Final = 90.0
-"""Highest speed of a tool that turns on the spot by hand."""
+"""Highest rotation speed of a tool on the spot by hand."""
 TURN_MAX_DEG: Final = 360.0
 
 STEP_UNITS: Final = {name: PLACE.get(name, "deg") for name in STEP_NAMES}
-"""The unit of each step of a tool by its name; which of them a robot's tool can make, its task says."""
+"""Unit of each step of a tool by name; the tool's task defines the possible steps."""
 
 _QUARTERS: Final = (0.25, 0.5, 0.75, 1.0)
 _RAMP_S: Final = 0.3
-"""Time that the tool takes to its speed, unless a longer ramp makes the whole motion shorter."""
+"""Ramp time of the tool, unless a longer ramp makes the whole motion shorter."""
 _PER_UNIT: Final = 10
-"""What would pass is found in tenths of a mm or degree."""
+"""Resolution of passing distances: tenths of a mm or degree."""
 
 
 class StepFrame(StrEnum):
-    """The axes along and about which a step goes: the world's, or the tool's own, as `fk --matrices` prints them."""
+    """Axes of a step: the world's, or the tool's own, as `fk --matrices` prints them."""
 
     WORLD = "world"
     TOOL = "tool"
@@ -64,8 +64,8 @@ class ToolStep:
 
     Attributes:
         distances: in mm and degrees by coordinate.
-        speed_percent: part of the highest speeds to use.
-        frame: the axes that x, y, z, rx, ry and rz mean; phi is about the vertical in any case.
+        speed_percent: percentage of the highest speeds to use.
+        frame: axes of x, y, z, rx, ry and rz; phi is always about the vertical.
     """
 
     distances: Mapping[str, float]
@@ -83,12 +83,12 @@ class ToolStep:
 
     @property
     def turn_deg(self) -> float:
-        """The angle by which the tool turns, by phi or about the station's axes."""
+        """Angle by which the tool turns, by phi or about the station's axes."""
         return max(abs(self.distances.get("phi", 0.0)), float(np.linalg.norm(turn_of(self.distances))))
 
     @property
     def moves(self) -> bool:
-        """True if the tool changes its place and does not only turn."""
+        """True if the tool changes its place."""
         return any(self.distances.get(name) for name in PLACE)
 
     def __str__(self) -> str:
@@ -96,11 +96,11 @@ class ToolStep:
         return f"the tool's {words}" if self.frame is StepFrame.TOOL else words
 
     def part(self, fraction: float) -> "ToolStep":
-        """Return a part of the step, in the same direction."""
+        """Return a fraction of the step in the same direction."""
         return replace(self, distances={name: fraction * value for name, value in self.distances.items()})
 
     def in_world(self, tool: FloatArray) -> dict[str, float]:
-        """Return the distances along and about the world's axes; `tool`, (3, 3), has the tool's in its columns."""
+        """Return the distances along and about the world's axes; `tool`, (3, 3), has the tool's axes as columns."""
         along = dict(self.distances)
         for names in (tuple(PLACE), TURNS) if self.frame is StepFrame.TOOL else ():
             if any(name in along for name in names):
@@ -111,10 +111,10 @@ class ToolStep:
 
 @in_planning_time()
 def plan_tool_step(robot: Robot, standing: list[float], step: ToolStep) -> Plan:
-    """Plan a step from a joint position on the branch on which the arm is; joints' limits make it slower.
+    """Plan a step from a joint position on the present branch; joints' limits make it slower.
 
-    Raises InputError, with the reason and the part of the step that would pass, if the path leaves the mechanism's
-    reach or a joint's limits or comes near a singularity.
+    Raises InputError, with the reason and the passing part of the step, if the path leaves the mechanism's reach or a
+    joint's limits or comes near a singularity.
     """
     _check_step(robot, step)
     try:
@@ -124,7 +124,7 @@ def plan_tool_step(robot: Robot, standing: list[float], step: ToolStep) -> Plan:
 
 
 def _check_step(robot: Robot, step: ToolStep) -> None:
-    """Raise InputError if the robot's tool cannot be moved so, wherever it is."""
+    """Raise InputError for a step that the robot's tool cannot make anywhere."""
     kinematics = make_kinematics(robot)
     if "phi" in step.distances and kinematics.attitude_follows:
         raise InputError(f"{step}: the tool of {robot.name} does not turn by itself")
@@ -132,9 +132,9 @@ def _check_step(robot: Robot, step: ToolStep) -> None:
 
 
 def _gentle_plan(robot: Robot, standing: list[float], step: ToolStep) -> Plan:
-    """Plan a step; raise InputError with the reason alone, for to find the part that passes takes many plans."""
+    """Plan a step; raise InputError with the reason alone, since finding the passing part takes many plans."""
     plan, stretch = _plan(robot, standing, step, _RAMP_S)
-    if stretch > 1.0:  # a ramp of the square of it needs no more acceleration, and leaves the speed
+    if stretch > 1.0:  # a ramp of the square of it needs no more acceleration at the same speed
         with suppress(InputError):
             gentle, _ = _plan(robot, standing, step, _RAMP_S * stretch**2)
             plan = min(plan, gentle, key=lambda each: each.trajectory.duration_s)
@@ -143,10 +143,10 @@ def _gentle_plan(robot: Robot, standing: list[float], step: ToolStep) -> Plan:
 
 @in_planning_time()
 def farthest_part(robot: Robot, standing: list[float], step: ToolStep) -> ToolStep | None:
-    """Return the largest part of a step that passes, in tenths of a mm or degree; None if not even the first does."""
+    """Return the largest passing part of a step, in tenths of a mm or degree; None if not even one tenth passes."""
     tenths = int(_PER_UNIT * max(map(abs, step.distances.values())))
     passing, failing = 0, tenths + 1
-    while failing - passing > 1:  # a way that passes has no part that fails
+    while failing - passing > 1:  # if a distance passes, so do shorter ones
         check_planning_time()
         middle = (passing + failing) // 2
         try:
@@ -166,7 +166,7 @@ def _passing_text(robot: Robot, standing: list[float], step: ToolStep) -> str:
 
 
 def _plan(robot: Robot, standing: list[float], step: ToolStep, ramp_s: float) -> tuple[Plan, float]:
-    """Return the plan of a step with a ramp, and by what the joints' limits make it slower."""
+    """Return the plan of a step with a ramp, and the factor by which the joints' limits make it slower."""
     motion = _motion(robot, within_limits(robot, standing), step, ramp_s)
     plan = plan_stretched(robot, motion)
     return plan, plan.trajectory.duration_s / motion.duration_s
@@ -182,7 +182,7 @@ def step_path(robot: Robot, start: FloatArray, step: ToolStep) -> ToolPath:
 
 
 def within_limits(robot: Robot, standing: list[float]) -> FloatArray:
-    """Return a joint position without what only the rounding to wire units puts beyond limits."""
+    """Return a joint position limited to the joints' ranges, if only rounding to wire units exceeds them."""
     within = np.array(standing)
     units = robot.to_units(within)
     for i, joint in enumerate(robot.joints):
@@ -206,17 +206,17 @@ def _motion(robot: Robot, start: FloatArray, step: ToolStep, ramp_s: float) -> T
         if len(names) == 1:
             raise
     speed = step.speed_percent / 100 * (SPEED_MAX_MM_S if step.moves else TURN_SPEED_MAX_DEG_S)
-    if is_straight_in_joints(robot, path, start, goal):  # also at a singularity, for a lift or a wrist alone
+    if is_straight_in_joints(robot, path, start, goal):  # even at a singularity, for a lift or a wrist alone
         law = _law(path, 1.0, speed, ramp_s)
         return JointMove(robot.joint_names, tuple(start.tolist()), tuple(goal.tolist()), law)
     return ToolMove.along(robot, path, _law(path, path.length_mm, speed, ramp_s), branch, start)
 
 
 def _goal(kinematics: Kinematics, path: ToolPath, branch: str, start: FloatArray) -> FloatArray:
-    """Return the joints at a path's end, in the turns that they reach on the way; InputError if it is out of reach."""
-    _solve(kinematics, path, 1.0, branch, start)  # whose reason says more than that of a place on the way
+    """Return the joints at a path's end in their turns along the path; raise InputError if it is out of reach."""
+    _solve(kinematics, path, 1.0, branch, start)  # its reason is more useful than that of a place on the path
     goal = start
-    for share in _QUARTERS:  # of a circle at most, so that the nearest turn is the next one
+    for share in _QUARTERS:  # a circle at most, so the nearest turn is the next one
         goal = _solve(kinematics, path, share, branch, goal)
     return goal
 
@@ -242,20 +242,20 @@ def _path(task: Task, here: Pose, step: ToolStep, distances: Mapping[str, float]
 
 
 def _law(path: ToolPath, distance: float, speed: float, ramp_s: float) -> SCurve:
-    """Return the law that covers a distance while the tool moves along its path at a speed."""
+    """Return the law that covers a distance with the tool's speed along its path."""
     return SCurve.at_speed(distance, speed * distance / path.length_mm, ramp_s)
 
 
 WAY_MAX_MM: Final = 2000.0
-"""Longest way of one jog; a turn is one of a full circle."""
+"""Longest distance of a jog; a rotation is at most a full circle."""
 _PLACES_PER_UNIT: Final = 2
-"""Places in a mm or degree where reach and speeds are looked at."""
+"""Number of places in a mm or degree where reach and speeds are computed."""
 _HALVINGS: Final = 5
 _SOON_S: Final = 1.0
-"""A way that is over sooner is made more slowly."""
+"""Duration below which a jog is made more slowly."""
 _SHORTER: Final = 0.98
 _SHORTENINGS: Final = 4
-"""Number of times that a way which the planner refuses is shortened: it looks closer, and at the ramps."""
+"""Number of times that a distance refused by the planner is shortened; the planner checks more places, and ramps."""
 
 
 def tool_speed_max(coordinate: str) -> float:
@@ -264,9 +264,9 @@ def tool_speed_max(coordinate: str) -> float:
 
 
 def check_tool_jog(robot: Robot, coordinate: str, speed: float) -> None:
-    """Raise InputError unless the robot's tool has the coordinate and the speed, in mm/s or deg/s, is within its limit.
+    """Raise InputError for a coordinate or a speed, in mm/s or deg/s, that the robot's tool cannot have.
 
-    A tool whose attitude follows from the arm is refused when the jog is planned.
+    A dependent attitude is refused when the jog is planned.
     """
     steps = make_kinematics(robot).task.steps
     if coordinate not in steps:
@@ -282,10 +282,10 @@ def check_tool_jog(robot: Robot, coordinate: str, speed: float) -> None:
 def plan_tool_jog(
     robot: Robot, standing: list[float], coordinate: str, speed: float, frame: StepFrame = StepFrame.WORLD
 ) -> Plan:
-    """Plan a straight way of the tool, or a turn on the spot, from a joint position at a speed with a sign.
+    """Plan a straight jog of the tool, or a rotation on the spot, from a joint position at a speed with sign.
 
     Raises:
-        InputError: as `check_tool_jog`, or nothing passes in this direction; the message says why.
+        InputError: as `check_tool_jog`, or no distance passes in this direction; the message has the reason.
     """
     check_tool_jog(robot, coordinate, speed)
     longest = TURN_MAX_DEG if STEP_UNITS[coordinate] == "deg" else WAY_MAX_MM
@@ -299,7 +299,7 @@ def plan_tool_jog(
             return _gentle_plan(robot, standing, slower)
         way *= _SHORTER
     part = farthest_part(robot, standing, whole) or whole.part(1 / (_PER_UNIT * longest))
-    return plan_tool_step(robot, standing, part)  # where not even the least passes, it says why
+    return plan_tool_step(robot, standing, part)  # if not even the least passes, its error has the reason
 
 
 def _speeds_along(robot: Robot, start: FloatArray, step: ToolStep) -> FloatArray:
@@ -319,7 +319,7 @@ def _speeds_along(robot: Robot, start: FloatArray, step: ToolStep) -> FloatArray
 
 
 def _highest(robot: Robot, slopes: FloatArray) -> FloatArray:
-    """Return v(s) of this module's first lines, shape (n,), from q'(s), of shape (n, joints)."""
+    """Return v(s) as in the module's docstring, shape (n,), from q'(s), of shape (n, joints)."""
     bends = np.gradient(slopes, 1 / _PLACES_PER_UNIT, axis=0) if len(slopes) > 1 else np.zeros_like(slopes)
     to_axes = robot.coupling.to_axes
     joints = robot.joints
@@ -334,7 +334,7 @@ def _highest(robot: Robot, slopes: FloatArray) -> FloatArray:
 
 
 def _farthest(speeds: FloatArray, asked: float) -> tuple[float, float]:
-    """Return the way that is passed, in mm or degrees, and with which part of the speed asked for."""
+    """Return the passing distance, in mm or degrees, and the fraction of the requested speed."""
     ways = []
     for halving in range(_HALVINGS + 1):
         fraction = 0.5**halving

@@ -12,16 +12,16 @@ REST_TOLERANCE: Final = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class OutputChange:
-    """A change of a digital output during a motion: as it is planned, and in a report as it was made.
+    """A change of a digital output during a motion: as planned, and in a report as made.
 
     Attributes:
         output: name of the output in the robot file.
         on: its new level.
         from_s: time of the motion from which the output may change.
         until_s: time by which it must have changed.
-        on_the_way: True if the machine moves meanwhile, so that a place is meant; a stored report does not tell.
+        on_the_way: True if the machine moves during the change, at a place; unknown in a stored report.
         changed_s: time of the change on the board; None if the board did not make it.
-        already: True if the output had this level already, so that nothing was to change.
+        already: True if the output had this level already, so no change was expected.
     """
 
     output: str
@@ -34,7 +34,7 @@ class OutputChange:
 
     @property
     def in_time(self) -> bool:
-        """True if the output changed between `from_s` and `until_s`, or had nothing to change."""
+        """True if the output changed between `from_s` and `until_s`, or needed no change."""
         return self.already or (self.changed_s is not None and self.from_s <= self.changed_s <= self.until_s)
 
     def to_dict(self) -> dict[str, Any]:
@@ -45,17 +45,17 @@ class OutputChange:
 
 @dataclass(frozen=True, slots=True)
 class Wait:
-    """A standstill amid a motion that lasts until a digital input has a level.
+    """A standstill in a motion until a digital input has a level.
 
-    A plan counts it as no time. Of a motion that was executed, `at_s` is that motion's own time.
+    In a plan it has no duration. In an executed motion, `at_s` is that motion's own time.
 
     Attributes:
         input: name of the input in the robot file.
         on: the level that it waits for.
-        at_s: time of the motion when the machine stands and begins to wait, a whole number of milliseconds.
+        at_s: time of the motion when the wait begins, a whole number of milliseconds.
         timeout_s: time after which a wait without the level ends the motion.
-        place: where the wait is written, such as `step 3`; may be empty.
-        stood_s: how long the machine stood, until it went on or the time-out ended the motion; 0 in a plan.
+        place: position of the wait in its file, such as `step 3`; may be empty.
+        stood_s: duration of the standstill, until the motion continued or the time-out; 0 in a plan.
         timed_out: True if the time-out ended the motion.
     """
 
@@ -72,21 +72,21 @@ class Wait:
 
     @property
     def title(self) -> str:
-        """What the machine waits for, in words."""
+        """The condition of the wait as text."""
         return self.input if self.on else f"{self.input} to go off"
 
     @property
     def timeout_message(self) -> str:
-        """What to report after the time-out."""
+        """Message after the time-out."""
         return f"{self.where}the input {self.input} was not {'on' if self.on else 'off'} within {self.timeout_s:g} s"
 
     @property
     def where(self) -> str:
-        """The beginning of messages about it: its place, if that is known."""
+        """Start of messages about it: its place, if known."""
         return f"{self.place}: " if self.place else ""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return a wait that was made under the keys of report.json; only one that has timed out has `timed_out`."""
+        """Return a completed wait under the keys of report.json; only one that has timed out has `timed_out`."""
         made = {"input": self.input, "on": self.on, "at_s": self.at_s, "stood_s": self.stood_s}
         return made | {"timed_out": True} if self.timed_out else made
 
@@ -129,9 +129,9 @@ class Trajectory(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DerivedTrajectory:
-    """A trajectory made of another one, which it follows in all that a subclass does not change; implements Trajectory.
+    """A trajectory derived from another one, which it follows unless a subclass changes it; implements Trajectory.
 
-    It waits for no input.
+    It has no waits.
     """
 
     trajectory: Trajectory
@@ -158,7 +158,7 @@ class DerivedTrajectory:
 
     @property
     def expects(self) -> Mapping[str, Any]:
-        """What features are to find at the end, by key."""
+        """What features expect at the end, by key."""
         return expected_of(self.trajectory)
 
     def positions(self, t_s: FloatArray) -> FloatArray:
@@ -175,7 +175,7 @@ DEFAULT_POINT_MS: Final = 10
 
 
 def smooth_breakpoints_ms(trajectory: Trajectory) -> frozenset[int]:
-    """Return the breakpoints at which the acceleration hardly jumps; others need not have the attribute."""
+    """Return the breakpoints with an almost continuous acceleration; other trajectories need not have the attribute."""
     found: frozenset[int] = getattr(trajectory, "smooth_ms", frozenset())
     return found
 
@@ -191,7 +191,7 @@ def states(trajectory: Trajectory, t_s: FloatArray) -> tuple[FloatArray, FloatAr
 
 @runtime_checkable
 class Waiting(Protocol):
-    """A trajectory that waits for inputs on its way; others need not have the attribute."""
+    """A trajectory that waits for inputs; others need not have the attribute."""
 
     @property
     def waits(self) -> tuple[Wait, ...]:
@@ -200,7 +200,7 @@ class Waiting(Protocol):
 
 
 def expected_of(trajectory: Trajectory) -> Mapping[str, Any]:
-    """Return what features are to find at the end of a trajectory, by key; others need not have the attribute."""
+    """Return what features expect at the end of a trajectory, by key; others need not have the attribute."""
     found: Mapping[str, Any] = getattr(trajectory, "expects", {})
     return found
 

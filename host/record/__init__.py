@@ -1,4 +1,4 @@
 """Record a run: its folder of files (`folder`), its bus log, its waveforms and its pictures (`plots`).
 
-This room reads a run back, too: as plan and evidence, which the verifier judges again.
+This folder also reads a run back as plan and evidence for the verifier.
 """

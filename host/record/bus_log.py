@@ -31,17 +31,17 @@ def log_line(counts: int, frame: Frame) -> str:
 
 
 class BusLog:
-    """A bus log that is written while it grows. An error ends it and raises nothing: `failure` tells it.
+    """A bus log that is written while it grows. An error ends the log without an exception; `failure` has it.
 
     Attributes:
-        failure: why the log has ended before its time; None if it has not.
+        failure: why the log has ended early; None if it has not.
     """
 
     def __init__(self, path: Path) -> None:
         """Begin the log in a file, a pipe or a device; raise OSError if it cannot be opened."""
         self.failure: RecordingError | None = None
         self._path = path
-        self._file = growing_file(path)  # what is not written at once is not written at all
+        self._file = growing_file(path)  # unbuffered: a killed process loses no lines
         self._until_s = 0.0
 
     def append(self, lines: Iterable[str], until_s: float) -> None:
@@ -65,7 +65,7 @@ class BusLog:
 
 
 def read_frames(log: Path, frames: int | None = None) -> Iterator[tuple[int, Frame]]:
-    """Yield each frame, or so many of them, with its instant in counts since power-up.
+    """Yield each frame, or the first `frames` of them, with its instant in counts since power-up.
 
     Raises:
         InputError: a line is not in candump's format; the message names file and line.
@@ -83,12 +83,12 @@ def read_frames(log: Path, frames: int | None = None) -> Iterator[tuple[int, Fra
 
 
 def is_shown_by_candump(line: str) -> bool:
-    """Return whether a line is of the format in which candump shows frames to people."""
+    """Return whether a line has candump's format for people."""
     return _SHOWN.match(line) is not None
 
 
 def count_frames(log: Path) -> int:
-    """Return the number of frames: of lines, whatever they hold, the last one with or without its end."""
+    """Return the number of frames, which is that of lines of any content; the last line may lack its end."""
     frames, last = 0, b"\n"
     with open(log, "rb", opener=only_files) as file:
         while chunk := file.read(_CHUNK_BYTES):

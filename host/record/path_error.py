@@ -1,4 +1,4 @@
-"""The tool's planned path and how far the counted one is from it, with the magnification that makes it visible."""
+"""Planned path of the tool, distance of the counted path, and the magnification that makes it visible."""
 
 from dataclasses import dataclass
 from math import floor, log10
@@ -20,18 +20,18 @@ def run_name(run: RunInfo) -> str:
 
 
 def heading(run: RunInfo, *what: str) -> str:
-    """Return robot, job, what is shown of them, and that the run is simulated."""
+    """Return a heading: robot, job, subject, and that the run is simulated."""
     return f"{' · '.join((run_name(run), *what))} (SIMULATED)"
 
 
 _FILES: Final = (".toml", ".csv", ".json", ".yaml", ".yml")
-"""Endings of a job that is a file, by its path."""
+"""Suffixes of jobs that are files."""
 
 MAGNIFIED_PART: Final = 0.04
 """Largest size of the magnified error, as a fraction of the path's extent."""
 
 STILL_MM: Final = 1e-6
-"""A coordinate that moves by no more than this stands still: rounding causes the rest."""
+"""Largest change of a coordinate at standstill, from rounding."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +66,7 @@ def round_below(value: float) -> float:
 
 
 def path_error(comparison: Comparison, t_s: FloatArray) -> PathError:
-    """Return the path just before and just after each of m sorted instants, n = 2 m; without a tool it rests."""
+    """Return the path just before and just after each of m sorted instants, n = 2 m; without a tool, zeros."""
     if not comparison.expected.task.width:
         return PathError(np.zeros((2 * len(t_s), 3)), np.zeros((2 * len(t_s), 3)))
     end_s = comparison.expected.trajectory.duration_s

@@ -1,11 +1,11 @@
-"""Read a recorded bus through python-can's readers: logs of candump, Vector's ASC and BLF, PEAK's TRC.
+"""Read a recorded bus with python-can's readers: logs of candump, Vector's ASC and BLF, PEAK's TRC.
 
-The readers trust their files. Here a file has a limit, a text has whole lines of bounded length, and whatever the
-readers raise becomes one line that says where.
+The readers trust their files. Here files have a size limit, texts have whole lines of bounded length, and the readers'
+exceptions become one line with the place.
 
-Identifiers tell it (CiA 301, section 7.3.5). Hosts may move the identifiers of a board's PDOs and EMCY: what they write
-by SDO is followed. Of identifiers that belong to no service the direction tells it, if the recording program was one of
-both sides.
+The sender of a frame follows from its identifier (CiA 301, section 7.3.5). Hosts may move the identifiers of a board's
+PDOs and EMCY by SDO, which is tracked. For identifiers without a service the direction decides, if the recording
+program was the host or the board.
 """
 
 import struct
@@ -56,26 +56,26 @@ FORMATS: Final = {
     _BINARY: "Vector's BLF",
     ".trc": "PEAK's TRC",
 }
-"""The formats by the end of a file's name, as python-can knows them."""
+"""Formats by file suffix, as in python-can."""
 
 _DATA_BYTES_MAX: Final = 8
 _LASTS_S_MAX: Final = 86_400
-"""Longest recording, in seconds: a day. A jump of the clock, such as from 0 to the time of day, is longer."""
+"""Longest recording in seconds: a day. A jump of the clock, such as from 0 to the time of day, is longer."""
 
 
 _BACK_US: Final = 200_000
-"""Time by which frames of several interfaces change places; farther back is a stamp whose clock was put back."""
+"""Largest time by which frames of several interfaces may be out of order; a larger step means a reset clock."""
 _FOLLOWS_US: Final = 10_000
-"""Time from a frame to the next one where the stamps do not tell it."""
+"""Assumed time between two frames whose stamps do not give it."""
 
 
 class RecordedFrame(NamedTuple):
     """A frame of a recording.
 
     Attributes:
-        us: its time stamp in whole microseconds; no stamp is before the one of the frame before.
+        us: its time stamp in whole microseconds, not before that of the frame before.
         frame: the frame.
-        sent: True if the recording says that its own program sent the frame, False if that it received it.
+        sent: True if the recording marks the frame as sent by its own program, False if as received.
     """
 
     us: int
@@ -90,11 +90,11 @@ class RecordedBus:
     Attributes:
         path: its file.
         frames: the data frames with 11-bit identifiers, in the order of the file.
-        left_out: how many others there are, by their kind in words.
+        left_out: number of other frames by kind.
         cut: True if the file ends within a frame, as when its writer was killed; that frame is missing.
-        steps_back: how often the clock of the stamps was put back; what follows is moved to follow closely.
-        on_board_clock: True if a time stamp is the instant since power-up when the frame became valid, as in the
-            bus logs that StepTwin writes; False if it is some computer's.
+        steps_back: number of resets of the stamps' clock; later frames are shifted to follow closely.
+        on_board_clock: True if a time stamp is the instant since power-up when the frame became valid, as in
+            StepTwin's bus logs; False for a computer's clock.
     """
 
     path: Path
@@ -109,8 +109,8 @@ def read_bus(path: Path, channel: str | None = None) -> RecordedBus:
     """Read a recording, or the frames of one of its channels.
 
     Raises:
-        InputError: the file cannot be read, is too large, has none of FORMATS or no frame, or its frames are of several
-            channels and none is chosen.
+        InputError: the file is unreadable, too large, of no known format or without frames, or its frames are of
+            several channels and none is chosen.
     """
     suffix = path.suffix.lower()
     with prefixed(f"{path}: "):
@@ -121,7 +121,7 @@ def read_bus(path: Path, channel: str | None = None) -> RecordedBus:
 
 
 class _Lines:
-    """The lines of a text, for python-can's readers; a last line without its end is left out."""
+    """Lines of a text for python-can's readers; an incomplete last line is left out."""
 
     def __init__(self, file: TextIO) -> None:
         self.number, self.last = 0, ""
@@ -140,7 +140,7 @@ class _Lines:
             yield line
 
     def close(self) -> None:
-        """Do nothing: the caller that has opened the file closes it."""
+        """Do nothing; the caller closes the file."""
 
 
 class _Reading:
@@ -154,7 +154,7 @@ class _Reading:
         self._channels: Counter[str] = Counter()
         self._latest_us: int | None = None
         self._shift_us = 0
-        """Added to the stamps since their clock was put back."""
+        """Shift of the stamps since their clock was reset."""
         self._steps_back = 0
 
     def read(self, suffix: str, channel: str | None) -> RecordedBus:
@@ -193,7 +193,7 @@ class _Reading:
 
     @contextmanager
     def _saying(self, where: Callable[[], str], line: Callable[[], str] = str) -> Iterator[None]:
-        """Turn what python-can's readers raise into one line."""
+        """Convert exceptions of python-can's readers to one line."""
         from can.io.blf import BLFParseError
 
         try:
@@ -248,7 +248,7 @@ _JUNK: Final = (
     *(ValueError, IndexError, KeyError, OverflowError, NotImplementedError, EOFError),
     *(struct.error, zlib.error),
 )
-"""Errors that python-can's readers raise for files of another format. A TypeError is no file's fault."""
+"""Exceptions of python-can's readers for files of another format. A TypeError has another cause."""
 
 
 def _text_reader(suffix: str, lines: _Lines) -> "Iterable[can.Message]":
@@ -263,7 +263,7 @@ def _text_reader(suffix: str, lines: _Lines) -> "Iterable[can.Message]":
 
 
 def _other_kind(message: "can.Message") -> str | None:
-    """Return the kind of a frame that the board does not hear, in words; None for a data frame that it may hear."""
+    """Return the kind of a frame that the board cannot receive, as text; None for a data frame that it may receive."""
     if message.is_error_frame:
         return "error frames"
     if message.is_remote_frame:
@@ -277,22 +277,23 @@ def _other_kind(message: "can.Message") -> str | None:
 
 _COB_TIME: Final = 0x100
 _MOVABLE: Final = frozenset((address_of(0x1014), *(address_of(0x1800 + i, 1) for i in range(len(COB_TPDO)))))
-"""Objects that hold the identifiers of a node's own frames."""
+"""Objects with the identifiers of a node's own frames."""
 
 
 class Sender(Enum):
-    """The side of the bus that has sent a frame."""
+    """Sender of a frame."""
 
     BOARD = "board"
     HOST = "host"
-    """A host, or another station to which a board may listen, such as one whose heartbeat it watches."""
+    """A host, or another station with a heartbeat that a board may watch."""
     OTHER = "other"
-    """A node that is not the board's, or a host that talks to one."""
+    """A node of another board, or a host that talks to one."""
 
 
 def senders_of(frames: Sequence[RecordedFrame], node_ids: Collection[int]) -> list[Sender]:
-    """Return who has sent each frame of a recording, for a board with these nodes."""
-    by_identifier = list(_by_identifier(frames, node_ids))
+    """Return the sender of each frame of a recording, for a board with these nodes."""
+    identifiers = Identifiers(node_ids)
+    by_identifier = [identifiers.sender_of(recorded.frame) for recorded in frames]
     host_sent = _host_was_recording(frames, by_identifier)
     return [
         sender or (Sender.OTHER if host_sent is not None and frame.sent != host_sent else Sender.HOST)
@@ -300,23 +301,17 @@ def senders_of(frames: Sequence[RecordedFrame], node_ids: Collection[int]) -> li
     ]
 
 
-def _by_identifier(frames: Sequence[RecordedFrame], node_ids: Collection[int]) -> Iterable[Sender | None]:
-    """Yield who has sent each frame; None if its identifier belongs to no service."""
-    identifiers = Identifiers(node_ids)
-    return (identifiers.sender_of(recorded.frame) for recorded in frames)
-
-
 class Identifiers:
-    """Tells senders by identifiers, in the frames' order: a request may give a node's frames another identifier."""
+    """Determines senders by identifiers, frame by frame: a request may change the identifier of a node's frames."""
 
     def __init__(self, node_ids: Collection[int]) -> None:
-        """Begin with the identifiers that a board's nodes have after power-up."""
+        """Start with the identifiers of a board's nodes after power-up."""
         self._node_ids = node_ids
         self._boards = {base + node for base in FROM_NODE for node in node_ids}
         self._known: dict[int, Sender | None] = {}
 
     def sender_of(self, frame: Frame) -> Sender | None:
-        """Return who has sent the next frame; None if its identifier belongs to no service."""
+        """Return the sender of the next frame; None for an identifier without a service."""
         known, cob_id = self._known, frame.cob_id
         if cob_id not in known:
             known[cob_id] = Sender.BOARD if cob_id in self._boards else _of_no_board(cob_id, self._node_ids)
@@ -340,7 +335,7 @@ def _of_no_board(cob_id: int, node_ids: Collection[int]) -> Sender | None:
 
 
 def _moved_identifier(frame: Frame, node_ids: Collection[int]) -> int | None:
-    """Return the identifier that an SDO request gives to a board's PDO or EMCY; None for any other frame."""
+    """Return the new identifier of a board's PDO or EMCY in an SDO request; None for any other frame."""
     if frame.cob_id - COB_SDO_REQUEST not in node_ids:
         return None
     written = expedited_value(frame.data, DOWNLOAD)
@@ -351,7 +346,7 @@ def _moved_identifier(frame: Frame, node_ids: Collection[int]) -> int | None:
 
 
 def _host_was_recording(frames: Sequence[RecordedFrame], senders: Sequence[Sender | None]) -> bool | None:
-    """Return whether the hosts' frames are those that the recording program sent; None if directions do not tell."""
+    """Return whether the recording program sent the hosts' frames; None if directions do not show it."""
     sides = {
         side: {frame.sent for frame, sender in zip(frames, senders, strict=True) if sender is side}
         for side in (Sender.HOST, Sender.BOARD)

@@ -1,6 +1,6 @@
-"""The machine of a stored run at any instant: its joints as planned and as counted, its parts, and the boxes it moves.
+"""The machine of a stored run at any instant: planned and counted joints, its parts, and moved boxes.
 
-Times are seconds of the motion. The counted joints are those that follow from the drivers' counts.
+Times are seconds of the motion. Counted joints follow from the drivers' counts.
 """
 
 from collections.abc import Sequence
@@ -24,17 +24,17 @@ _END: Final = float("inf")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedMachine:
-    """The machine of one run; every method takes instants of shape (n,), in any order."""
+    """The machine of one run; methods take instants of shape (n,), in any order."""
 
     robot: Robot
     kinematics: Kinematics
     comparison: Comparison
     holds_s: dict[str, tuple[Range, ...]]
-    """The times from which and until which each output was on; the last may have no end."""
+    """Start and end of each time when an output was on; the last one may have no end."""
 
     @classmethod
     def of(cls, run: StoredRun) -> Self:
-        """Return the machine of a stored run; outputs are those of its pins, whether they were planned or not."""
+        """Return the machine of a stored run; outputs are those of its pins, planned or not."""
         evidence = run.comparison.evidence
         changes = output_edges(run.robot, evidence.axes)
         holds_s = {name: _on_times_s(changes, name, evidence) for name in run.robot.outputs}
@@ -46,11 +46,11 @@ class RecordedMachine:
         return self.comparison.expected.trajectory.duration_s
 
     def planned_joints(self, t_s: FloatArray) -> FloatArray:
-        """Return the planned joint positions, shape (n, joints); before and after the motion it stands still."""
+        """Return the planned joint positions, shape (n, joints); constant before and after the motion."""
         return self.comparison.expected.trajectory.positions(np.clip(t_s, 0.0, self.duration_s))
 
     def counts(self, t_s: FloatArray) -> FloatArray:
-        """Return the drivers' counts after the steps at each instant, shape (n, axes); earlier than 0 those at 0."""
+        """Return the drivers' counts after the steps at each instant, shape (n, axes); before 0 those at 0."""
         counted = self.comparison.counted
         return np.column_stack([one.positions[np.searchsorted(one.time_s, t_s, side="right")] for one in counted])
 
@@ -59,7 +59,7 @@ class RecordedMachine:
         return self.comparison.expected.joints(self.counts(t_s))
 
     def counted_poses(self, t_s: FloatArray) -> FloatArray:
-        """Return the tool's poses at the drivers' counts, of its task."""
+        """Return the tool's poses at the drivers' counts."""
         return self.kinematics.forward(self.counted_joints(t_s))
 
     def links(self, t_s: FloatArray) -> tuple[ArmPart, ...]:
@@ -67,7 +67,7 @@ class RecordedMachine:
         return self.kinematics.links(self.counted_joints(t_s))
 
     def box_shifts_mm(self, t_s: FloatArray) -> dict[str, FloatArray]:
-        """Return how far each box of the robot's file has moved, shape (n, 3); those that nothing holds stand still."""
+        """Return the displacement of each box of the robot's file, shape (n, 3); boxes that nothing holds stay."""
 
         def tip_at(at_s: FloatArray) -> FloatArray:
             return tool_places_mm(self.kinematics, self.counted_joints(np.minimum(at_s, self.duration_s)))

@@ -1,11 +1,11 @@
-"""Say a run's verdict in words, as the command line prints it and pictures show it."""
+"""Verdict of a run as text, for the command line and pictures."""
 
 from collections.abc import Mapping
 from typing import Any
 
 
 def verdict_words(document: Mapping[str, Any]) -> list[str]:
-    """Return the verdict of a report, and the reasons of one that is not PASSED."""
+    """Return the verdict of a report, with the reasons if it is not PASSED."""
     if "fault" in document:
         if not document["fault"].get("timed_out"):
             return ["STOPPED BY A FAULT"]

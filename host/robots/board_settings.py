@@ -9,7 +9,9 @@ from pydantic import AfterValidator
 
 from steptwin.host.common.bad_input import at_most
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_models import Choice, FileReading, FileTable, Positive, Within, check_limits, wrong
+from steptwin.host.common.file_errors import wrong
+from steptwin.host.common.file_models import FileReading, FileTable
+from steptwin.host.common.file_values import Choice, Positive, Within, check_limits
 from steptwin.host.common.findings import UnreadError, check_all, judged
 from steptwin.protocol.cia402 import GENERAL_INPUTS, DigitalOutput
 from steptwin.protocol.drivers import (
@@ -326,9 +328,6 @@ class Output(FileTable):
     joint: str
     out: Annotated[int, Within(1, OUTPUTS_PER_AXIS)]
 
-    def __post_init__(self) -> None:
-        check_limits(self)
-
 
 INPUTS_PER_AXIS: Final = len(GENERAL_INPUTS)
 
@@ -344,6 +343,3 @@ class Input(FileTable):
 
     joint: str
     input: Annotated[int, Within(1, INPUTS_PER_AXIS)]
-
-    def __post_init__(self) -> None:
-        check_limits(self)

@@ -10,7 +10,8 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_models import FileTable, Values
+from steptwin.host.common.file_models import FileTable
+from steptwin.host.common.file_values import Values
 
 TOUCH_MM: Final = 1.0
 """Distance from a box where the tool still touches it."""

@@ -1,11 +1,11 @@
 """The coupling of a robot's joints: axis positions = matrix x joint positions.
 
 A motor on the base that drives a later joint by a belt turns with the earlier joints. An axis position is that of the
-motor before the transmission's ratio, in the unit of the joint that bears the axis' name.
+motor before the transmission's ratio, in the unit of the joint with the axis' name.
 
 A joint may have a second motor, as the beam of a gantry has one at each end. Its axis has a row like that of the
-joint's own axis; the axes of second motors stand behind those of all joints. Then the matrix has more rows than
-columns, and a joint is where its two motors are in the mean, which is the least squares solution.
+joint's own axis; axes of second motors follow those of all joints. Then the matrix has more rows than columns, and a
+joint is at the mean of its two motors, which is the least squares solution.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -25,17 +25,17 @@ Matrix = tuple[tuple[float, ...], ...]
 CONDITION_MAX: Final = 1000.0
 """Largest condition number of the matrix: the factor by which a rounding error of the axes may grow at the joints."""
 _ROUNDING: Final = 1e-12
-"""Size, as a part of the largest element, below which an element of the inverse is a rounding error and means 0."""
+"""Fraction of the largest element below which an element of the inverse is a rounding error and set to 0."""
 
 
 @dataclass(frozen=True, slots=True)
 class Coupling:
-    """The way that axes follow joints; without matrices, each joint has a motor of its own.
+    """Coupling of axes and joints; without matrices, each joint has a motor of its own.
 
     Attributes:
         matrix: rows by axis, columns by joint; an element is in the axis' unit per unit of the joint.
         inverse: rows by joint, columns by axis; the matrix' pseudo-inverse.
-        seconds: the joints that a second motor drives as well, in the order of these motors' axes.
+        seconds: joints with a second motor, in the order of these motors' axes.
     """
 
     matrix: Matrix = ()
@@ -44,7 +44,7 @@ class Coupling:
 
     @classmethod
     def of(cls, names: Sequence[str], rows: Mapping[str, Mapping[str, float]]) -> Self:
-        """Return the coupling with these elements by axis and joint; others are 1 on the diagonal and 0 beside it.
+        """Return the coupling with these elements by axis and joint; others are 1 on the diagonal and 0 elsewhere.
 
         Raises:
             InputError: an unknown joint; the matrix is singular or nearly so; an axis does not move its joint forward.
@@ -79,7 +79,7 @@ class Coupling:
             raise InputError(*map(str, strange))
 
     def with_second_motors(self, joints: int, seconds: Sequence[int]) -> Self:
-        """Return this coupling of a number of joints, to which second motors of some of them are added."""
+        """Return this coupling of a number of joints with second motors of some of them added."""
         if not seconds:
             return self
         matrix, inverse = (np.array(own) if own else np.eye(joints) for own in (self.matrix, self.inverse))
@@ -89,11 +89,11 @@ class Coupling:
 
     @property
     def joint_count(self) -> int:
-        """The number of joints; 0 if each joint has a motor of its own and nothing is coupled."""
+        """Number of joints; 0 if each joint has a motor of its own and nothing is coupled."""
         return len(self.inverse)
 
     def joint_of(self, axis: int) -> int:
-        """Return the joint whose motor an axis has: the one that bears its name, or the one that it helps to drive."""
+        """Return the joint of an axis' motor: the one with its name, or the one that it helps to drive."""
         second = axis - self.joint_count
         return self.seconds[second] if self.seconds and second >= 0 else axis
 
@@ -102,7 +102,7 @@ class Coupling:
         return (joint, *(self.joint_count + at for at, driven in enumerate(self.seconds) if driven == joint))
 
     def skews(self, axes: FloatArray) -> FloatArray:
-        """Return how far each second motor's end of its joint is ahead, from axis positions of shape (..., axes).
+        """Return the lead of each second motor's end of its joint, from axis positions of shape (..., axes).
 
         The result has the shape (..., second motors), in the joints' units.
         """
@@ -112,47 +112,47 @@ class Coupling:
         return 2 * np.array(halves) * (axes[..., self.joint_count :] - axes[..., list(self.seconds)])
 
     def to_axes(self, joints: FloatArray) -> FloatArray:
-        """Return the positions, speeds or ways of the axes from those of the joints, shape (..., joints)."""
+        """Return the positions, speeds or distances of the axes from those of the joints, shape (..., joints)."""
         return _times(self.matrix, joints) if self.matrix else joints
 
     def to_joints(self, axes: FloatArray) -> FloatArray:
-        """Return the positions, speeds or ways of the joints from those of the axes, shape (..., axes)."""
+        """Return the positions, speeds or distances of the joints from those of the axes, shape (..., axes)."""
         return _times(self.inverse, axes) if self.inverse else axes
 
     def axes_moved_by(self, joint: int) -> dict[int, float]:
-        """Return the axes that move when one joint moves and the others stand, each with its way for a way of 1."""
+        """Return the axes that move with one joint while the others are still, each with its distance per unit."""
         if not self.matrix:
             return {joint: 1.0}
         return {axis: row[joint] for axis, row in enumerate(self.matrix) if row[joint]}
 
     def own_element(self, axis: int) -> float:
-        """Return the way of an axis for one unit of its own joint alone."""
+        """Return the distance of an axis for one unit of its own joint alone."""
         return self.joints_of(axis)[self.joint_of(axis)]
 
     def joints_of(self, axis: int) -> dict[int, float]:
-        """Return the joints on whose positions an axis' position depends, each with its element."""
+        """Return the joints that determine an axis' position, each with its element."""
         return _elements(self.matrix, axis)
 
     def axes_of(self, joint: int) -> dict[int, float]:
-        """Return the axes on whose positions a joint's position depends, each with its element of the inverse."""
+        """Return the axes that determine a joint's position, each with its element of the inverse."""
         return _elements(self.inverse, joint)
 
     def travel_of(self, axis: int) -> dict[int, float]:
-        """Return how an axis' joint follows the axes at this motor's end: as `axes_of`, its second motor left out."""
+        """Return the axes that determine an axis' joint at this motor's end: as `axes_of`, without its second motor."""
         elements = self.axes_of(self.joint_of(axis))
         motors = self.motors_of(self.joint_of(axis))
         own = {axis: sum(elements[motor] for motor in motors)}
         return dict(sorted((own | {other: each for other, each in elements.items() if other not in motors}).items()))
 
     def couples(self, axis: int) -> bool:
-        """Return whether an axis' position is another than its joint's."""
+        """Return whether an axis' position differs from its joint's."""
         return bool(self.matrix) and self.joints_of(axis) != {self.joint_of(axis): 1.0}
 
     def homing_levels(self, joints: int) -> list[list[int]]:
-        """Return which of this number of joints can be homed together, one group after the other.
+        """Return groups of joints that can be homed together, in order; `joints` is their number.
 
-        Where an axis' home is depends on the other joints of its row, so these are homed before. Of joints that need
-        each other, as those of a CoreXY, each is a group of its own, in their order.
+        The home of an axis depends on the other joints of its row, so these are homed before. Joints that depend on
+        each other, as in a CoreXY, are groups of their own, in their order.
         """
         levels: list[list[int]] = []
         waiting = set(range(joints))
@@ -166,7 +166,7 @@ class Coupling:
         return levels
 
     def _reach(self, joint: int) -> set[int]:
-        """Return the joints on which the position of a joint's axis depends, also through the axes of others."""
+        """Return the joints that determine the position of a joint's axis, also through the axes of others."""
         found, ahead = set[int](), [joint]
         while ahead:
             found.add(here := ahead.pop())
@@ -174,14 +174,14 @@ class Coupling:
         return found
 
     def mutual(self, joint: int) -> set[int]:
-        """Return the joints that depend on a joint as it depends on them, itself among them."""
+        """Return the joints that depend on a joint as it depends on them, with itself."""
         return {other for other in self._reach(joint) if joint in self._reach(other)}
 
     def homing_axes(self, joint: int) -> dict[int, float]:
-        """Return the axes that move when a joint is homed, each with its way for a way of 1 of the joint.
+        """Return the axes that move when a joint is homed, each with its distance per unit of the joint.
 
-        These are its motors, and those of the joints that depend on it as it depends on them: they stand still then.
-        Joints that depend on it, but it not on them, turn along.
+        These are its motors, and those of mutually dependent joints, which are kept still. Joints that depend on it,
+        but it not on them, turn along.
         """
         mutual = self.mutual(joint)
         return {axis: way for axis, way in self.axes_moved_by(joint).items() if self.joint_of(axis) in mutual}
@@ -206,7 +206,7 @@ def _elements(matrix: Matrix, row: int) -> dict[int, float]:
 
 
 def _times(matrix: Matrix, positions: FloatArray) -> FloatArray:
-    """Multiply the last dimension by a matrix, term by term, so that no row's rounding depends on the other rows."""
+    """Multiply the last dimension by a matrix, term by term: the rounding of a row is independent of the others."""
     columns = [
         reduce(add, (element * positions[..., column] for column, element in _elements(matrix, row).items()))
         for row in range(len(matrix))

@@ -10,7 +10,8 @@ from typing import Annotated, Final
 from steptwin.host.common.bad_input import at_least, at_most, prefixed, require_positive
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import NAME_CHARS_MAX
-from steptwin.host.common.file_models import FileTable, Name, Positive, check_limits
+from steptwin.host.common.file_models import FileTable
+from steptwin.host.common.file_values import Name, Positive
 from steptwin.host.common.findings import check_all
 from steptwin.host.robots.motor import JointLink, JointMotor
 from steptwin.host.robots.switches import JointHoming, JointSwitches
@@ -90,9 +91,6 @@ class SecondMotor(FileTable):
     name: Annotated[str, Name(NAME_CHARS_MAX)]
     skew_max: Positive
     square_offset: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_limits(self)
 
 
 @dataclass(frozen=True, slots=True)

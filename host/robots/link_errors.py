@@ -4,7 +4,8 @@ from dataclasses import dataclass, fields
 from typing import Annotated, Final
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_models import FileTable, Within, check_limits
+from steptwin.host.common.file_models import FileTable
+from steptwin.host.common.file_values import Within
 
 LENGTH_MAX_MM: Final = 50.0
 """Largest error of a length; one that is larger belongs into the dimensions."""
@@ -30,9 +31,6 @@ class LinkErrors(FileTable):
     alpha_deg: _Angle = 0.0
     d_mm: _Length = 0.0
     theta_deg: _Angle = 0.0
-
-    def __post_init__(self) -> None:
-        check_limits(self)
 
 
 QUANTITIES: Final = tuple(field.name for field in fields(LinkErrors))

@@ -9,7 +9,8 @@ from functools import partial
 from typing import Annotated, Final
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_models import Choice, FileTable, NotNegative, Positive, Values, Within, check_limits
+from steptwin.host.common.file_models import FileTable
+from steptwin.host.common.file_values import Choice, NotNegative, Positive, Values, Within, check_limits
 from steptwin.host.common.findings import check_all
 
 MOTORS: Final = (

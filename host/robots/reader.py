@@ -15,16 +15,8 @@ from steptwin.host.common.bad_input import apart, at_most, nearest, prefixed, sh
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import giving
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, PAPER_CHARS_MAX, TITLE_CHARS_MAX
-from steptwin.host.common.file_models import (
-    FileReading,
-    FileTable,
-    Name,
-    Positive,
-    ReadBy,
-    read_model,
-    read_table,
-    table_schema,
-)
+from steptwin.host.common.file_models import FileReading, FileTable, read_model, read_table, table_schema
+from steptwin.host.common.file_values import Name, Positive, ReadBy
 from steptwin.host.common.findings import Findings, UnreadError, check_all, judged, part_of
 from steptwin.host.common.tables import toml_table
 from steptwin.host.robots.board_settings import BoardSettings, Input, Output
@@ -165,10 +157,10 @@ class JointTable(FileTable):
     link: JointLink | None = None
 
     @classmethod
-    def tells_missing(cls, reading: FileReading) -> bool:
-        """Return whether the joint is meant: not one of which `check_names` says that it is missing."""
-        mechanism: _Mechanism = reading.known
-        return not _headless(reading.table) and (bool(reading.table) or reading.name in mechanism.joints)
+    def missing(cls, key: str, reading: FileReading) -> str:
+        """Return what to say of a missing key; nothing for a joint of which `check_names` says that it is missing."""
+        is_meant = not _headless(reading.table) and (reading.table or reading.name in reading.known.joints)
+        return super(JointTable, cls).missing(key, reading) if is_meant else ""
 
     @classmethod
     def made_of(cls, values: dict[str, Any], reading: FileReading) -> Joint:
@@ -186,8 +178,7 @@ class JointTable(FileTable):
             if of_unit is not unit and unit and turns.get(key) is not None:
                 reading.findings.add(f"{key}: is for a joint in {of_unit}; one in {unit} has {_TURN[unit]}")
             elif of_unit is unit and key in turns and turns[key] is None:
-                if cls.tells_missing(reading):
-                    reading.findings.add(f"{key}: is missing")
+                reading.findings.add(*(f"{key}: {told}" for told in [cls.missing(key, reading)] if told))
             elif of_unit is unit and key in turns:
                 motor[key] = turns[key]
         motor |= {Unit.MM: {"ratio": 1.0}, Unit.DEG: {"travel_per_turn": 360.0}, None: {}}[unit]

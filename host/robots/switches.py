@@ -6,7 +6,8 @@ from typing import Final
 
 from steptwin.host.common.bad_input import at_most
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_models import FileTable, Positive, check_limits
+from steptwin.host.common.file_models import FileTable
+from steptwin.host.common.file_values import Positive, check_limits
 from steptwin.host.common.findings import check_all
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.homing_methods import HOME_HERE, HOME_HERE_OBSOLETE, HOMING_METHODS, POSITIVE, HomingMethod

@@ -1,4 +1,5 @@
-"""Join the host with the emulated board: whole runs in virtual time, boards for tests, live boards in real time.
+"""Join the host with the emulated board: runs in virtual time, boards for tests, live boards in real time.
 
-Only this room imports emulator and controller. The other rooms know neither, so they drive a real board just the same.
+Only this folder imports emulator and controller. The other folders do not depend on them, so they also drive a real
+board.
 """

@@ -1,7 +1,7 @@
 """Give the tests of other projects an emulated board in virtual time or real time, as a pytest plugin (docs/ci.md).
 
-pytest imports this module at every start where StepTwin is installed, so everything else is imported only when a test
-asks for a board.
+pytest imports this module at every start where StepTwin is installed. So all else is imported only for a test that
+needs a board.
 """
 
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
@@ -26,11 +26,11 @@ _INI = "steptwin_robot"
 _ARTEFACTS_INI = "steptwin_artefacts"
 _ARTEFACTS_OPTION = "--steptwin-artefacts"
 _FAILED = pytest.StashKey[bool]()
-"""True for a test whose setup or call has failed."""
+"""True for a test with a failed setup or call."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the setting that names the robot of tests without one, and where the folders of failed tests are kept."""
+    """Add the settings for the default robot, and for the place of failed tests' folders."""
     parser.addini(_INI, "StepTwin: the robot of `steptwin_board`, a name or the path of a robot file", default="")
     where = "StepTwin: folder in which the boards of failed tests are kept; by default in pytest's temporary folder"
     parser.addini(_ARTEFACTS_INI, where, default="")
@@ -39,7 +39,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.hookimpl(hookwrapper=True)  # the newer wrapper=True needs pytest 8
 def pytest_runtest_makereport(item: pytest.Item) -> "Generator[None, Result[pytest.TestReport], None]":
-    """Note that a test has failed, for the fixtures that are torn down after it."""
+    """Register a failed test, for fixtures that are torn down after it."""
     outcome = yield
     if outcome.get_result().failed:
         item.stash[_FAILED] = True
@@ -105,7 +105,7 @@ def steptwin_make_board(
 
 
 def _tell(node: pytest.Item, board: "BoardUnderTest") -> None:
-    """Add to the test's report what a board has seen."""
+    """Add a board's evidence to the test's report."""
     from steptwin.host.twin.board_under_test import last_frames, parts_in_words, strikes
 
     sections = {"bus": last_frames(board.robot, board.bus_log), "faults of the bus": strikes(board)}
@@ -113,7 +113,7 @@ def _tell(node: pytest.Item, board: "BoardUnderTest") -> None:
 
 
 def _keep(node: pytest.Item, saves: "Sequence[Callable[[Path], None]]", artefacts: Path) -> None:
-    """Save the folder of each board of a test that has failed, and add to its report where they are."""
+    """Save the folder of each board of a failed test, and add their places to its report."""
     if not _has_failed(node):
         return
     from steptwin.host.twin.board_under_test import folders_of, kept
@@ -133,7 +133,7 @@ def _add(node: pytest.Item, sections: Mapping[str, str]) -> None:
 
 
 def _artefacts(config: pytest.Config, factory: pytest.TempPathFactory) -> Path:
-    """Return where the folders of failed tests are kept: as the command line says, else the ini-file, else pytest."""
+    """Return the folder for artefacts of failed tests: by the command line, else the ini-file, else pytest's."""
     given = config.getoption(_ARTEFACTS_OPTION) or config.getini(_ARTEFACTS_INI)
     return config.rootpath / given if given else factory.getbasetemp() / "steptwin"
 
@@ -187,7 +187,7 @@ def _settings(node: pytest.Item) -> dict[str, Any]:
     from steptwin.host.common.errors import InputError
 
     settings: dict[str, Any] = {}
-    for marker in node.iter_markers(_MARKER):  # the closest comes first
+    for marker in node.iter_markers(_MARKER):  # the closest one first
         if len(marker.args) > 1:
             raise InputError(f"{marker.args[1]!r}: only the robot comes without a name, others are written NAME=VALUE")
         settings = dict(zip(("robot",), marker.args, strict=False)) | dict(marker.kwargs) | settings

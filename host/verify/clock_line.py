@@ -46,14 +46,14 @@ _OF_100: Final = 2.13
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SeenSteps:
+class CapturedSteps:
     """The steps of one axis in a capture: instants in seconds, and signs."""
 
     time_s: FloatArray
     signs: Int8Array
 
 
-AxisPairs = Sequence[tuple[IdealSteps, SeenSteps]]
+AxisPairs = Sequence[tuple[IdealSteps, CapturedSteps]]
 """Planned and captured steps of each moving axis."""
 
 
@@ -128,7 +128,7 @@ def _of_axis(axis: int, plan: IdealSteps, at: Int64Array, time_s: FloatArray, li
 
 
 def _nearest_pairs(
-    plan: IdealSteps, seen: SeenSteps, line: ClockLine, axis: int, until_s: float
+    plan: IdealSteps, seen: CapturedSteps, line: ClockLine, axis: int, until_s: float
 ) -> tuple[Int64Array, FloatArray]:
     """Return the planned steps of pairs, and the instants of their captured steps.
 

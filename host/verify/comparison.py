@@ -1,4 +1,4 @@
-"""Put the expectation, a planned motion and the robot's conversions, beside the evidence, axis by axis."""
+"""Combine the expectation, a planned motion with the robot's conversions, and the evidence, axis by axis."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -27,8 +27,8 @@ class AxisTrajectory(DerivedTrajectory):
     """A trajectory in axis positions instead of joint positions.
 
     Attributes:
-        coupling: how the axes follow the joints.
-        axis_names: the names of the axes: those of the joints, then those of second motors.
+        coupling: coupling of axes and joints.
+        axis_names: names of the axes: those of the joints, then those of second motors.
     """
 
     coupling: Coupling
@@ -49,7 +49,7 @@ class AxisTrajectory(DerivedTrajectory):
 
 
 _AT_ONCE: Final = 1 << 16
-"""Instants at which all joints are computed at once, which bounds the memory."""
+"""Number of instants computed at once; bounds the memory."""
 
 Forward = Callable[[FloatArray], FloatArray]
 """Forward kinematics, from joints of shape (n, joints) to poses of shape (n, task.width)."""
@@ -66,13 +66,13 @@ class Expectation:
         steps_per_unit: shape (axes,), driver steps per mm or degree of an axis position.
         joint_units: "mm" or "deg" for each joint.
         forward: the robot's forward kinematics.
-        coupling: how the axes follow the joints.
-        microsteps: microsteps per full step of each axis' driver; empty: whatever the drivers make.
-        actual_forward: forward kinematics with the errors of the DH parameters that the robot's file states: where the
-            tool really is; None if it states none.
+        coupling: coupling of axes and joints.
+        microsteps: microsteps per full step of each axis' driver; empty: those that the drivers make.
+        actual_forward: forward kinematics of the actual tool, with the errors of the DH parameters in the robot's file;
+            None without such errors.
         robot: the machine, whose arm and limits pictures show beside the motion; None: they leave them out.
-        features: what the motion is planned to leave for features, by their names.
-        task: task of the tool, which says what the columns of poses are.
+        features: what features expect of the motion, by name.
+        task: task of the tool, which defines the columns of poses.
 
     Raises:
         ValueError: the lengths do not agree.
@@ -91,7 +91,7 @@ class Expectation:
 
     @classmethod
     def of(cls, robot: Robot, trajectory: Trajectory, features: Mapping[str, Any] | None = None) -> Self:
-        """Return the expectation for a motion of a robot, with what it is planned to leave for features."""
+        """Return the expectation for a motion of a robot, with what features expect of it."""
         units = tuple(joint.unit for joint in robot.joints)
         microsteps = tuple(axis.transmission.microsteps for axis in robot.axes)
         kinematics, actual = make_kinematics(robot), actual_chain(robot)
@@ -123,7 +123,7 @@ class Expectation:
         return names if self.robot is None else (*names, *self.robot.axis_names[len(names) :])
 
     def microsteps_of(self, axis: int) -> int | None:
-        """Return the microsteps per full step of an axis' driver; None for whatever the driver makes."""
+        """Return the microsteps per full step of an axis' driver; None for those that the driver makes."""
         return self.microsteps[axis] if self.microsteps else None
 
     @property
@@ -138,7 +138,7 @@ class Expectation:
         return np.asarray(self.coupling.to_axes(joints) * self.steps_per_unit)
 
     def axis_position(self, axis: int, t_s: FloatArray) -> FloatArray:
-        """Return an axis' planned position in driver steps at instants of shape (n,); outside the motion it stands."""
+        """Return an axis' planned position in driver steps at instants of shape (n,); constant outside the motion."""
         within_s = np.clip(t_s, 0.0, self.trajectory.duration_s)
         positions = np.empty(t_s.shape)
         for begin in range(0, t_s.size, _AT_ONCE):
@@ -151,15 +151,15 @@ class Expectation:
         return self.coupling.to_joints(np.asarray(steps / self.steps_per_unit))
 
     def skews(self, steps: FloatArray | Int64Array) -> FloatArray:
-        """Return how far second motors are ahead at the drivers' counts of shape (..., axes), in mm or degrees."""
+        """Return the lead of second motors at the drivers' counts of shape (..., axes), in mm or degrees."""
         return self.coupling.skews(np.asarray(steps / self.steps_per_unit))
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """One run: for each axis in its order the ideal steps, the counted steps, and the pairs of both.
+    """One run: ideal steps, counted steps, and their pairs for each axis.
 
-    `gates` say what the run must keep to.
+    `gates` are the limits that it is judged by.
     """
 
     expected: Expectation
@@ -180,7 +180,7 @@ class Comparison:
         return self.expected.axis_names
 
     def timing_errors_us(self, axis: int) -> FloatArray:
-        """Return how late each step of an axis came, in microseconds; steps at slow crossings are left out."""
+        """Return the lateness of each step of an axis in microseconds; steps at slow crossings are left out."""
         return timing_errors_us(self.ideal[axis], self.counted[axis], self.matchings[axis])
 
 
@@ -190,7 +190,7 @@ def compare(expected: Expectation, evidence: Evidence, gates: Gates = OWN_FIRMWA
     Args:
         expected: the planned motion.
         evidence: the drivers' counts.
-        gates: what the run must keep to; they say by which step rule the steps are matched.
+        gates: limits of the judgement; they decide the step rule by which steps are matched.
 
     Raises:
         ValueError: the evidence's axes are not the planned ones in the same order.

@@ -1,10 +1,10 @@
 """Turn a driver's accepted steps into a count over the trajectory's time; check that they follow from its pins.
 
-As long as no limit of the driver was broken, the pins decide: each CLK rise outside reset is a step, and DIR gives its
+While no limit of the driver is violated, the pins decide: each CLK rise outside reset is a step, and DIR gives its
 direction. After a violation the driver's model decides, and the run has failed anyway.
 
-A driver makes the steps of its own mode, which its pins or its own switches select: a full step is a quarter of an
-electrical cycle, and the angle by which a step turns the field tells the mode.
+A driver makes the steps of its own mode, which its pins or its own switches select. A full step is a quarter of an
+electrical cycle, so the angle by which a step turns the field shows the mode.
 """
 
 from dataclasses import dataclass
@@ -20,8 +20,8 @@ from steptwin.protocol.drivers import ActiveEdge
 def motor_moves(axis: AxisEvidence, planned: int | None) -> FloatArray:
     """Return the motor's move in each step, shape (steps,), in steps of the planned mode.
 
-    It is +1 or -1 if the driver was in that mode. `planned` are microsteps per full step; None takes the driver's mode
-    for the planned one, as a step is taken whose effect on the field's angle is not on record.
+    It is +1 or -1 if the driver was in that mode. `planned` are microsteps per full step; None means the driver's own
+    mode. A step without a record of the field's angle counts as a step of the planned mode.
     """
     moves: FloatArray = axis.step_signs.astype(np.float64)
     if planned is None:
@@ -31,7 +31,7 @@ def motor_moves(axis: AxisEvidence, planned: int | None) -> FloatArray:
 
 
 def _turns_substeps(axis: AxisEvidence) -> Int64Array:
-    """Return the angle by which each step turned the field, shape (steps,); 0 where the record does not tell."""
+    """Return the angle by which each step turned the field, shape (steps,); 0 if the record does not have it."""
     angles, cycle = axis.phases.substeps.astype(np.int64), axis.phases.cycle
     turns = np.abs((np.diff(angles) + cycle // 2) % cycle - cycle // 2)
     turned = np.flatnonzero(turns)
@@ -55,15 +55,16 @@ def contradictions(axis: AxisEvidence) -> list[str]:
 
 
 def _levels_at(instants: Int64Array, counts: Int64Array, levels: Int8Array) -> Int8Array:
-    """Return a pin's level at each instant: low before its first edge, and after an edge at the instant itself."""
+    """Return a pin's level at each instant, after any edge at that instant; the pin is low before its first edge."""
     history = np.concatenate((np.zeros(1, np.int8), levels))
     return history[np.searchsorted(counts, instants, side="right")]
 
 
 def powerless_steps(axis: AxisEvidence, start_counts: int) -> int:
-    """Return how many steps, from an instant on, came while both phases were without current.
+    """Return the number of steps from an instant on that came while both phases had no current.
 
-    ENABLE switches the outputs of a TB6560 only (its pin 4, docs/driver.md). Evidence without currents has none.
+    ENABLE only switches the outputs of a TB6560 (its pin 4, docs/driver.md). Evidence without currents has no such
+    steps.
     """
     phases = axis.phases
     if not phases.counts.size:
@@ -79,7 +80,7 @@ def powerless_steps(axis: AxisEvidence, start_counts: int) -> int:
 class CountedSteps:
     """Steps of one axis that its driver accepted from the trajectory's t = 0 on.
 
-    A motor that slips between two steps counts as slipped from the first of the two on.
+    A slip of the motor between two steps counts from the first of the two on.
 
     Attributes:
         time_s: shape (steps,), instant of each step in the trajectory's time.
@@ -87,7 +88,7 @@ class CountedSteps:
         counters: shape (steps + 1,), the driver's count before each step and after the last one.
         positions: shape (steps + 1,), the motor's positions at the same instants, in steps of the planned mode from the
             joint's zero. They are the counts, unless the driver made steps of another mode or the motor slipped.
-        longer_by: factors, other than 1, by which steps were longer than those of the planned mode.
+        longer_by: factors, other than 1, of the length of steps to those of the planned mode.
     """
 
     time_s: FloatArray
@@ -146,7 +147,7 @@ def counted_steps(axis: AxisEvidence, start_counts: int, microsteps: int | None 
 
 
 def _slipped_steps(axis: AxisEvidence, start_counts: int, microsteps: int | None) -> tuple[Int64Array, int]:
-    """Return by how many steps the motor has slipped before each step and after the last one, and before t = 0."""
+    """Return the motor's slip in steps before each step and after the last one, and before t = 0."""
     if microsteps is None:
         raise ValueError(f"{axis.name}: its motor slipped; how many steps that are, only the planned microsteps tell")
     slips = axis.slips
@@ -168,7 +169,7 @@ class ClkDurations(NamedTuple):
 
 
 def clk_durations(axis: AxisEvidence) -> ClkDurations:
-    """Return all durations whose two ends are on record."""
+    """Return all durations with both ends on record."""
     rises, falls = axis.clk_rise_counts, axis.clk_fall_counts
     pulses_counts, pauses_counts = falls - rises, rises[1:] - falls[:-1]
     if axis.active_edge is ActiveEdge.FALLING:

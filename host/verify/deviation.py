@@ -1,7 +1,7 @@
-"""Compute how far the counted motion is from the planned one, in steps, millimetres and degrees.
+"""Compute the deviation of the counted motion from the planned one, in steps, millimetres and degrees.
 
-Between two edges the counters stand still. So an error is largest just before an edge, just after one, or where the
-planned motion turns around: these instants and both ends of the motion give the largest error of all.
+Between two edges the counters are constant. So an error is largest just before an edge, just after one, or at a turning
+point of the planned motion: these instants and both ends of the motion give the largest error of all.
 """
 
 from collections.abc import Iterator, Sequence
@@ -43,9 +43,9 @@ class Deviation:
     Attributes:
         t_s: shape (n,), the instants in the trajectory's time.
         steps: shape (2, n, axes), the driver's count minus the planned axis position in steps.
-        skews: shape (2, n, second motors), how far each is ahead of its joint's own, in mm or degrees.
-        tool: where the nominal kinematics has the tool at the counted joints; None without a tool.
-        actual_tool: where the actual tool is at the counted joints; None if the robot's file states no errors.
+        skews: shape (2, n, second motors), lead of each over its joint's own motor, in mm or degrees.
+        tool: deviation of the nominal tool at the counted joints; None without a tool.
+        actual_tool: deviation of the actual tool at the counted joints; None if the robot's file has no errors.
     """
 
     t_s: FloatArray
@@ -62,13 +62,13 @@ def critical_instants(comparison: Comparison) -> FloatArray:
 
 
 def deviations(comparison: Comparison, t_s: FloatArray) -> Iterator[Deviation]:
-    """Yield the deviations at sorted instants, chunk by chunk; after its end the planned motion stays there."""
+    """Yield the deviations at sorted instants, chunk by chunk; the planned motion is constant after its end."""
     for first in range(0, len(t_s), INSTANTS_PER_CHUNK):
         yield _deviation(comparison, t_s[first : first + INSTANTS_PER_CHUNK])
 
 
 def _deviation(comparison: Comparison, t_s: FloatArray) -> Deviation:
-    """Compute one chunk; each joint's column is contiguous, which makes filling and converting it fastest."""
+    """Compute one chunk; each joint's column is contiguous for speed."""
     expected = comparison.expected
     planned = np.asfortranarray(expected.trajectory.positions(np.minimum(t_s, expected.trajectory.duration_s)))
     planned_pose = expected.forward(planned)
@@ -86,6 +86,6 @@ def _deviation(comparison: Comparison, t_s: FloatArray) -> Deviation:
 def _off(
     expected: Expectation, planned_pose: FloatArray, forward: Forward, joints: Sequence[FloatArray]
 ) -> ToolDeviation:
-    """Return the deviation of the tool at counted joints, before and after each edge, from the planned poses."""
+    """Return the deviation of the tool at counted joints from the planned poses, before and after each edge."""
     poses = np.stack([forward(side) for side in joints])
     return ToolDeviation(poses[..., :3] - planned_pose[..., :3], expected.task.off_deg(poses, planned_pose))

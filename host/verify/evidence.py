@@ -1,10 +1,10 @@
-"""Hold the evidence of a run: the pins as the drivers saw them and the steps that they accepted.
+"""Evidence of a run: the pins as the drivers saw them, and the steps that they accepted.
 
 Every instant is an int64 number of counts of the board's timer since power-up.
 
 A pause halts the trajectory's time, and a change of speed makes it slower or faster. A board records each ramp of the
-rate at which the time of its interpolating axes passes, which is that of the plan when a motion starts. The integral of
-the rate is the trajectory's time: by it a motion is compared with its plan, whatever pauses and speeds it had.
+rate of that time; the rate is that of the plan when a motion starts. The integral of the rate is the trajectory's time,
+by which a motion is compared with its plan, with or without pauses.
 """
 
 from collections.abc import Mapping
@@ -70,7 +70,7 @@ class RateRamps:
         return low
 
     def speeds(self, start_counts: int) -> "tuple[SpeedReport, ...]":
-        """Return the speeds that a motion has had since its start, with the time when each was begun to be taken."""
+        """Return the speed changes of a motion since its start."""
         began = int(np.searchsorted(self.counts, start_counts))
         since_s = (self.counts[began:] - start_counts) / COUNTS_PER_SECOND
         times_s = self.trajectory_s(self.counts[began:], start_counts)
@@ -105,7 +105,7 @@ class SpeedReport:
 
 _NONE: Final = np.empty(0, dtype=np.int64)
 AS_PLANNED: Final = RateRamps(_NONE, _NONE, _NONE, _NONE)
-"""Time that has passed as the clock's."""
+"""Ramps of a trajectory time that equals the clock's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +158,7 @@ class DriverViolations:
 
 
 SIXTEENTHS: Final = 16
-"""Substeps in a full step of a driver without finer modes, such as a TB6560, and of any run's record once."""
+"""Substeps in a full step of a driver without finer modes, such as a TB6560, and in older records of any run."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,7 +170,7 @@ class Phases:
         substeps: electrical angle of the field within its cycle of four full steps; it grows with DIR low.
         a_ma: current to which the driver regulates phase A, in mA.
         b_ma: current to which the driver regulates phase B, in mA.
-        per_full_step: substeps in a full step: so many that each step of each of the driver's modes is whole.
+        per_full_step: substeps in a full step; each step of each of the driver's modes is a whole number of them.
     """
 
     counts: Int64Array
@@ -187,7 +187,7 @@ class Phases:
 
 @dataclass(frozen=True, slots=True)
 class Slips:
-    """Instants when a motor fell out of step, unseen by its driver; both arrays have shape (n,).
+    """Instants of a motor's slips, unseen by its driver; both arrays have shape (n,).
 
     Attributes:
         counts: the instants, sorted.
@@ -220,8 +220,8 @@ class AxisEvidence:
         violations: violations of the driver's limits.
         phases: electrical angle and currents.
         pins: the axis' other pins by lower-case name: `reset`, `enable`, `m1`, ..., `out1`, `out2`.
-        slips: what the motor lost, though its driver counted on.
-        rates: how fast the time of the trajectory passed that the axis executed.
+        slips: slips of the motor that its driver did not count.
+        rates: rate of the axis' trajectory time.
     """
 
     name: str
@@ -257,7 +257,7 @@ class OutputEdge:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Evidence of one run: all axes, every change of the outputs in order of time, and that of features by their names.
+    """Evidence of one run: all axes, changes of the outputs in order of time, and evidence of features by name.
 
     The planned trajectory's t = 0 is the board's instant `start_counts`.
     """

@@ -1,7 +1,7 @@
-"""Declare the figures of an axis, each once: what it is, how it is computed, printed, checked again and limited.
+"""Declare the figures of an axis, each once: its meaning, computation, printing, repeated check and limit.
 
 report.json, the printed verdict, the comparison of a stored report with its files, the margins of campaigns and the
-table in docs/run-folder.md are made from `AxisReport`. Features have figures of their own in the same form.
+table in docs/run-folder.md are made from `AxisReport`. Features declare their own figures in the same form.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -23,11 +23,11 @@ Source = TypeVar("Source")
 
 @dataclass(frozen=True, slots=True)
 class FigureLimit:
-    """The value of a figure beyond which something is wrong; campaigns keep what is left to it.
+    """Limit of a figure; campaigns record the margin to it.
 
     Attributes:
-        name: name of what is left, for reports.
-        says: figure and limit in words.
+        name: name of the margin, for reports.
+        says: figure and limit as text.
         of: returns the limit for an axis of a robot, by the axis' number.
     """
 
@@ -36,19 +36,19 @@ class FigureLimit:
     of: Callable[[Robot, int], float]
 
 
-@dataclass(frozen=True)  # no slots: until Python 3.12 `ReportFigure[...](...)` fails on a frozen class that has them
+@dataclass(frozen=True)  # no slots: until Python 3.12 `ReportFigure[...](...)` fails on a frozen class with slots
 class ReportFigure(Generic[Source]):
-    """A figure of an axis; its key in report.json is the name under which it is declared.
+    """A figure of an axis; the name of its declaration is its key in report.json.
 
     Attributes:
-        says: what it is.
+        says: its meaning.
         of: computes it.
-        unit: its unit; empty for a text, or if `says` tells it.
+        unit: its unit; empty for a text, or if `says` contains it.
         heading: heading of its column in the printed verdict, without the unit; empty if it has none.
         form: format of its cells.
-        moving: True if its column has a dash for an axis that made fewer than two steps.
-        exact: True if the edges alone give it: verifying a stored run again gives it to the last digit.
-        limit: its limit; None if it has none, or if campaigns do not keep what is left to it.
+        moving: True if its column has a dash for an axis with fewer than two steps.
+        exact: True if it depends on the edges alone; verifying a stored run gives it to the last digit.
+        limit: its limit; None if it has none, or if campaigns do not record the margin.
     """
 
     says: str
@@ -68,16 +68,16 @@ class ReportFigure(Generic[Source]):
 
 @dataclass(frozen=True, slots=True)
 class AxisRun:
-    """One axis of a run beside its plan, from which its figures are computed.
+    """One axis of a run with its plan; the source of its figures.
 
     Attributes:
-        evidence: what its driver did.
+        evidence: record of its driver.
         counted: its accepted steps from t = 0 on.
         position_error_steps: largest |count - planned position| at any instant from the start of the motion.
-        threshold_error_steps: largest distance of the planned position from the threshold of a step when it was made.
-        unmatched_steps: number of ideal crossings without a step and of steps without a crossing, added.
-        grazing_steps: number of those that do not count, as stepping and not stepping are both right there.
-        late_us: how late each step came; steps at slow crossings are left out.
+        threshold_error_steps: largest distance of the planned position from a step's threshold when it was made.
+        unmatched_steps: number of ideal crossings without a step, plus number of steps without a crossing.
+        grazing_steps: number of those that do not count, since the step is optional there.
+        late_us: lateness of each step; steps at slow crossings are left out.
     """
 
     evidence: AxisEvidence
@@ -93,7 +93,7 @@ AxisFigure = ReportFigure[AxisRun]
 
 
 class SeenAxis(NamedTuple):
-    """An axis, by its name, and what a feature has seen in the run, from which the feature's figures are computed."""
+    """An axis, by name, with a feature's evidence of the run; the source of the feature's figures."""
 
     name: str
     seen: Any
@@ -134,7 +134,7 @@ def _smallest_us(durations_counts: Int64Array) -> float | None:
 
 
 def _late_us(percent: float) -> Callable[[AxisRun], float]:
-    """Return what computes a percentile of the timing errors; 0.0 without steps."""
+    """Return a function that computes a percentile of the timing errors; 0.0 without steps."""
     return lambda axis: float(np.percentile(np.abs(axis.late_us), percent)) if axis.late_us.size else 0.0
 
 
@@ -321,11 +321,11 @@ def axis_report(axis: AxisRun) -> AxisReport:
 
 
 AXES: Final = "axes"
-"""Key of a feature's figures in its part of a report: by axis, each by its own key."""
+"""Key of a feature's figures in its part of a report: by axis, then by key."""
 
 
 def judged_document(feature: str, seen: Any, start_counts: int, axes: Sequence[str]) -> dict[str, Any]:
-    """Return what report.json has under a feature's name: its judge's document, and its figures of each axis."""
+    """Return a feature's part of report.json: its judge's document, and its figures of each axis."""
     document = judge_of(feature).document(seen, start_counts)
     if figures := features()[feature].figures:
         of_axis = {key: figure.of for key, figure in figures().items()}
@@ -336,11 +336,11 @@ def judged_document(feature: str, seen: Any, start_counts: int, axes: Sequence[s
 def figure_values(
     axes: Sequence[Mapping[str, Any]], documents: Mapping[str, Any]
 ) -> list[tuple[ReportFigure[Any], dict[str, Any]]]:
-    """Return each figure that a report has of all axes, with its values by axis; those of features come last.
+    """Return each figure that a report has for all axes, with its values by axis; those of features come last.
 
     Args:
         axes: the figures of each axis, by key.
-        documents: the parts of features, by their names; other entries are ignored.
+        documents: parts of features, by name; other entries are ignored.
     """
     tables: list[tuple[Mapping[str, ReportFigure[Any]], Mapping[str, Any]]] = [
         (axis_figures(), {axis["name"]: axis for axis in axes})

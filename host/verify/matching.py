@@ -1,9 +1,8 @@
 """Match accepted steps to ideal crossings, and measure how late each step came.
 
-If both sides step up and down in the same order, the k-th step answers the k-th crossing. Otherwise a step answers the
-crossing of its own direction that is nearest in time, if the step is also the nearest one to that crossing; all other
-steps and crossings are unmatched. So one lost pulse is one unmatched crossing, and the steps after it keep their
-partners.
+If both sides step up and down in the same order, the k-th step belongs to the k-th crossing. Otherwise a step belongs
+to the crossing of its own direction that is nearest in time, if it is also the nearest step to that crossing. All other
+steps and crossings are unmatched. So one lost pulse is one unmatched crossing, and later steps keep their partners.
 """
 
 from dataclasses import dataclass
@@ -29,10 +28,10 @@ class Matching:
 
     Attributes:
         ideal: shape (pairs,), index of each crossing.
-        counted: shape (pairs,), index of the step that answers it.
-        unmatched: number of crossings and of steps without a partner, added.
-        grazing: number of those that another step rule explains; 0 where the oracle's own is asked for.
-        off_steps: how far from its threshold the motion was, at most, when a step was made by any rule.
+        counted: shape (pairs,), index of its step.
+        unmatched: number of crossings without a step, plus number of steps without a crossing.
+        grazing: number of those that another step rule explains; 0 for the oracle's own rule.
+        off_steps: for any step rule, the largest distance of the motion from a threshold when its step was made.
         first_s: time of the first crossing or step without a partner; NaN if all have one.
     """
 
@@ -60,7 +59,7 @@ def match_nearest(ideal: IdealSteps, counted: CountedSteps) -> Matching:
 
 
 def timing_errors_us(ideal: IdealSteps, counted: CountedSteps, matching: Matching) -> FloatArray:
-    """Return how late each matched step came, in order; negative is early. Steps at slow crossings are left out."""
+    """Return the lateness of each matched step, in order; negative is early. Steps at slow crossings are left out."""
     if matching.ideal.size == 0:
         return np.empty(0)
     speeds_hz = ideal.speeds_hz[matching.ideal]
@@ -88,7 +87,7 @@ def _mutual_pairs(ideal: IdealSteps, counted: CountedSteps, sign: int) -> tuple[
 
 
 def _nearest(times_s: FloatArray, candidates_s: FloatArray) -> IndexArray:
-    """Return for each time the index of the nearest candidate; the candidates are sorted."""
+    """Return the index of the nearest candidate for each time; candidates are sorted."""
     right = np.searchsorted(candidates_s, times_s)
     left = np.maximum(right - 1, 0)
     right = np.minimum(right, len(candidates_s) - 1)

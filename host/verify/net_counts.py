@@ -1,11 +1,11 @@
-"""Match the steps of a controller whose step rule is not known to the ideal crossings, run by run.
+"""Match the steps of a controller with an unknown step rule to the ideal crossings, run by run.
 
-A run is a stretch of the motion in one direction. Another rule shifts all steps of a direction by about the same part
-of a step, and a timer's grid delays each a little. So a step and a crossing that remain without a partner in the same
-run are one step that came at another time; what is left over in a run is missing, or too many.
+A run is a stretch of the motion in one direction. Another rule shifts all steps of a direction by about the same
+fraction of a step, and a timer's grid delays each a little. So a step and a crossing without partners in the same run
+are one step at another time. The rest of a run is missing or additional steps.
 
-Near the end of a run, where the motion turns around or comes to rest, the rule alone decides whether a last step is
-made. Such a step is grazing if the motion passes its threshold by no more than the steps of this axis are off theirs.
+Near the end of a run, at a turning point or standstill, the rule alone decides whether a last step is made. Such a step
+is grazing if the motion passes its threshold by no more than the distance of this axis' other steps from theirs.
 """
 
 from collections.abc import Callable
@@ -27,40 +27,40 @@ PositionAt = Callable[[FloatArray], FloatArray]
 
 
 _SAME_STEP: Final = 1.0
-"""Distance from its threshold up to which a step can be the one of that crossing, whatever its rule."""
+"""Largest distance from its threshold of a step that belongs to that crossing, by any rule."""
 
 _LATE_STEPS: Final = 2.0
-"""Tolerance from which on a step may be nearer to the crossing after its own, or before it."""
+"""Tolerance from which on a step may be nearer to a neighbouring crossing than to its own."""
 
 _BEYOND_STEPS: Final = 4 * THRESHOLD_TOLERANCE_STEPS
-"""Distance by which a step may be further from an end of its run than the rule explains: two steps' tolerances."""
+"""Largest additional distance of a step from an end of its run, beyond the rule: two steps' tolerances."""
 
 WHOLE_STEPS: Final = 1.2
-"""Distance that a count at whole steps keeps from the plan, with what a timer adds; with a step lost it is 1.5."""
+"""Largest distance from the plan of a count at whole steps, with a timer's share; after a lost step it is 1.5."""
 
 _ONE_RULE: Final = 0.75
-"""Largest difference between two steps' distances from their thresholds, in one direction, that one rule explains; a
-step too many or too few changes it by 1.
+"""Largest difference between the distances of two steps of one direction from their thresholds by one rule. An
+additional or missing step changes it by 1.
 """
 
 
 def match_any_rule(
     ideal: IdealSteps, counted: CountedSteps, position_at: PositionAt, tolerance_steps: float = _SAME_STEP
 ) -> Matching:
-    """Pair one axis' ideal crossings with its steps, made by any rule; count what is missing or too many.
+    """Pair one axis' ideal crossings with its steps by any rule; count missing and additional steps.
 
     Args:
         ideal: the crossings.
         counted: the steps.
         position_at: the planned motion.
-        tolerance_steps: by how much the controller may be late or early.
+        tolerance_steps: largest lateness or earliness of the controller, in steps.
 
     Returns:
-        The pairs. `unmatched` is the sum over the runs of the steps missing or too many, and `grazing` the number of
-        steps that the rule explains.
+        The pairs. `unmatched` is the sum over the runs of missing and additional steps, `grazing` the number of steps
+        that the rule explains.
     """
     at_once = int(np.searchsorted(ideal.time_s, 0.0, side="right"))
-    if at_once:  # nobody makes the steps by which a count is cut at the start
+    if at_once:  # crossings at t = 0 from a rounded initial count belong to no step
         moved = replace(
             ideal,
             start_steps=ideal.start_steps + int(ideal.signs[:at_once].sum()),
@@ -87,7 +87,9 @@ def match_any_rule(
     if _at_whole_steps(counted, position_at):
         grazing |= np.abs(position_at(time_s)) <= 1.0 + WHOLE_STEPS
     left = _net_moves(runs, moves, ~grazing)
-    if tolerance_steps >= _LATE_STEPS:  # pairs tell little then: the run's net count does, but for one step of its rule
+    if (
+        tolerance_steps >= _LATE_STEPS
+    ):  # pairs mean little then; the run's net count matters, apart from one step of its rule
         net = _net_moves(runs, moves, np.ones_like(grazing))
         by_rule = np.sign(_net_moves(runs, moves, grazing))
         left = np.where(by_rule == np.sign(net), net - by_rule, net)
@@ -103,9 +105,9 @@ def match_any_rule(
 
 
 def _at_whole_steps(counted: CountedSteps, position_at: PositionAt) -> bool:
-    """Return whether no count is further from the plan than counts at whole steps are.
+    """Return whether no count is further from the plan than with whole steps.
 
-    One that is cut towards zero, as C's `(int)` does, makes one step less where the motion passes through zero.
+    Truncation towards zero, as by C's `(int)`, makes one step less where the motion passes through zero.
     """
     planned = position_at(counted.time_s)
     off = (counted.positions[:-1] - planned, counted.positions[1:] - planned)
@@ -120,9 +122,9 @@ def _net_moves(runs: NDArray[np.int64], moves: NDArray[np.int64], chosen: NDArra
 
 
 def _shifted(ideal: IdealSteps, counted: CountedSteps, matching: Matching) -> IdealSteps:
-    """Return the crossings, each later by as large a part of a step as most steps of its direction are.
+    """Return the crossings delayed by the usual lateness of the steps in their direction, as a fraction of a step.
 
-    The part is a mean on the circle of a step, since a step that is late by 0.6 looks early by 0.4.
+    It is a circular mean within a step, since 0.6 late equals 0.4 early.
     """
     time_s = ideal.time_s.copy()
     speeds_hz = np.maximum(ideal.speeds_hz, SLOW_CROSSING * ideal.speeds_hz.max(initial=0.0))
@@ -138,7 +140,7 @@ def _shifted(ideal: IdealSteps, counted: CountedSteps, matching: Matching) -> Id
 
 
 def _off_steps(ideal: IdealSteps, counted: CountedSteps, matching: Matching, position_at: PositionAt) -> FloatArray:
-    """Return each pair's distance of the planned position from the threshold when the step was made."""
+    """Return the distance of the planned position from the threshold when each pair's step was made."""
     signs = ideal.signs.astype(np.int64)
     before = ideal.start_steps + np.cumsum(signs) - signs
     thresholds = before + signs * THRESHOLD_STEPS
@@ -147,7 +149,7 @@ def _off_steps(ideal: IdealSteps, counted: CountedSteps, matching: Matching, pos
 
 
 def _by_one_rule(off_steps: FloatArray, signs: NDArray[np.int8]) -> bool:
-    """Return whether the distances of all steps of a direction are as alike as those of one rule."""
+    """Return whether one rule explains the distances of all steps of a direction."""
     return all(float(np.ptp(off_steps[signs == sign])) <= _ONE_RULE for sign in np.unique(signs))
 
 
@@ -160,9 +162,9 @@ def _runs(ideal: IdealSteps, time_s: FloatArray) -> NDArray[np.int64]:
 
 
 def _near_an_end(time_s: FloatArray, ideal: IdealSteps, position_at: PositionAt, off_steps: float) -> NDArray[np.bool_]:
-    """Return whether the motion has come from, or goes on by, no more than what the rule explains to an end of its run.
+    """Return whether each instant is near an end of its run: within the distance that the rule explains.
 
-    Behind a turn the first crossing is further away, by the hysteresis.
+    After a turn the first crossing is further away, by the hysteresis.
     """
     ends_s = np.concatenate(([0.0], ideal.turning_s))
     after = np.clip(np.searchsorted(ends_s, time_s), 1, ends_s.size - 1)
@@ -173,6 +175,6 @@ def _near_an_end(time_s: FloatArray, ideal: IdealSteps, position_at: PositionAt,
 
 
 def any_rule_end(planned_steps: float, off_steps: float, tolerance_steps: float) -> tuple[int, int]:
-    """Return the least and the largest count that a rule may leave at the end of a motion to a position."""
+    """Return the lowest and the highest final count of a motion to a position by any rule."""
     within = min(THRESHOLD_STEPS + off_steps + THRESHOLD_TOLERANCE_STEPS, tolerance_steps)
     return int(np.ceil(planned_steps - within)), int(np.floor(planned_steps + within))

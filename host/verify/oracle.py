@@ -1,4 +1,4 @@
-"""Compute the ideal steps: the instants at which the planned motion crosses the step thresholds.
+"""Compute the ideal steps: the instants when the planned motion crosses the step thresholds.
 
 The step rule, with H = 1/2 + 1/16 step: a counter n increases when p(t) >= n + H and decreases when p(t) <= n - H,
 where p is the planned joint position in steps. The oracle applies the rule to the continuous functions of the

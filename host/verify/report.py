@@ -112,15 +112,15 @@ class ToolReport:
 
 @dataclass(frozen=True, slots=True)
 class SkewReport:
-    """How far the two motors of a joint were apart, by their drivers' counts and their slips, in mm or degrees.
+    """Distance of a joint's two motors, by their drivers' counts and their slips, in mm or degrees.
 
     Attributes:
         first: name of the joint and of its own axis.
         second: name of the second motor's axis.
         unit: "mm" or "deg".
-        skew_max: the largest distance at any instant of the motion.
-        skew_end: how far the second motor was ahead at the end.
-        limit: the largest distance that the robot's file allows.
+        skew_max: largest distance at any instant of the motion.
+        skew_end: lead of the second motor at the end.
+        limit: largest distance that the robot's file allows.
     """
 
     first: str
@@ -140,15 +140,15 @@ class Report:
         reasons: one line for each failed check, naming axis, value and limit; empty if the run passed.
         axes: figures of each axis in its order.
         joints: joint positions at start and end.
-        tool: deviation of the tool; without one its figures are NaN, and the document has null.
-        outputs: each planned change of a digital output, with the time when it was made.
-        violations: the drivers' limits that were broken.
-        actual_tool: deviation of the actual tool, with the errors of the DH parameters that the robot's file states,
-            from the planned pose; None if it states none. It decides nothing: the machine is right if it makes the
-            planned steps.
-        features: what features have seen, under the keys of the document, by their names.
-        speeds: the changes of the motion's speed on the way, pauses too; the document has them only if there are any.
-        skews: how far the two motors of joints that have two were apart.
+        tool: deviation of the tool; without a tool, NaN here and null in the document.
+        outputs: each planned change of a digital output, with its real time.
+        violations: violated limits of the drivers.
+        actual_tool: deviation of the actual tool, with the errors of the DH parameters in the robot's file, from the
+            planned pose; None without such errors. It has no effect on the verdict: a machine that makes the planned
+            steps passes.
+        features: evidence of features, under the keys of the document.
+        speeds: changes of the motion's speed, with pauses; the document has them only if there are any.
+        skews: distances of the two motors of joints with two.
     """
 
     run: RunInfo
@@ -192,7 +192,7 @@ class Report:
 
 
 def speeds_document(speeds: Sequence[SpeedReport]) -> dict[str, Any]:
-    """Return the changes of speed under their key in a document of a run, which has it only if there were any."""
+    """Return the changes of speed under their key of a run's document; empty without any."""
     return {"speeds": [_plain(asdict(speed)) for speed in speeds]} if speeds else {}
 
 

@@ -1,7 +1,7 @@
-"""Verify digital outputs: each planned change was made within its time, in the planned order, and no other change.
+"""Verify digital outputs: each planned change was made in time and in the planned order, without any other change.
 
-A plan may ask for a level that an output already has: then nothing is to change. What an output did before the motion,
-as on a live board, only says which level it began with.
+A plan may contain the level that an output already has; no change is expected then. Changes before the motion, as on a
+live board, only define the initial level.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from steptwin.host.verify.evidence import AxisEvidence, Evidence, OutputEdge
 
 
 def output_reports(planned: tuple[OutputChange, ...], evidence: Evidence) -> tuple[OutputChange, ...]:
-    """Return each planned change as it was made: the k-th that changes a level is held to the k-th change made."""
+    """Return each planned change with its real time: the k-th effective change is compared with the k-th real one."""
     levels = {edge.name: bool(edge.level) for edge in evidence.outputs if edge.counts < evidence.start_counts}
     made = iter(_in_motion(evidence))
     reports = []
@@ -35,7 +35,7 @@ def _in_motion(evidence: Evidence) -> list[OutputEdge]:
 
 
 def output_reasons(reports: tuple[OutputChange, ...], evidence: Evidence) -> list[str]:
-    """Return one line for each output that fails, and one if the board made changes that were not planned."""
+    """Return one line for each failed output, and one for unplanned changes."""
     reasons = [
         f"{report.output}: switched {'on' if report.on else 'off'} {_when(report.changed_s)}"
         f" (planned from {report.from_s:.3f} to {report.until_s:.3f} s)"

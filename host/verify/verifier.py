@@ -1,9 +1,9 @@
 """Judge a run: compare the counted motion with the planned one and with the step rule.
 
-A correct board differs from the ideal step sequence only at a grazing step: the motion turns around so near a threshold
-that rounding decides. The step rule itself tells grazing steps from lost ones. The count follows the rule if it is
-never further from the planned position than the threshold plus the tolerance, and if no step is made further from its
-threshold than the tolerance. What another controller is held to, by a rule of its own, its comparison's gates say.
+A correct board differs from the ideal step sequence only at grazing steps: the motion turns so near a threshold that
+rounding decides. The step rule itself separates grazing steps from lost ones. A count follows the rule if its distance
+from the planned position never exceeds the threshold plus the tolerance, and if no step is made further from its
+threshold than the tolerance. For a controller with another rule, the comparison's gates have the limits.
 """
 
 from collections.abc import Iterator
@@ -65,9 +65,9 @@ class _WorstTool:
 
 @dataclass(slots=True)
 class _Worst:
-    """Largest errors so far, of each axis, of second motors against the first ones, and of the tool.
+    """Largest errors so far, of each axis, of second motors relative to the first ones, and of the tool.
 
-    That of the tool is by the nominal kinematics and by the actual one.
+    The tool's errors are by the nominal kinematics and by the actual one.
     """
 
     position_steps: FloatArray
@@ -100,7 +100,7 @@ def verify(expected: Expectation, evidence: Evidence, run: RunInfo) -> Report:
 
 
 def verify_comparison(comparison: Comparison, run: RunInfo) -> Report:
-    """Return the report of a comparison that exists already."""
+    """Return the report of an existing comparison."""
     worst = _worst(comparison)
     axes = tuple(axis_report(_axis_run(comparison, i, worst)) for i in range(len(comparison.axis_names)))
     reasons = [*_strange_modes(comparison), *_slip_reasons(comparison.evidence)]
@@ -159,7 +159,7 @@ def _follows_step_rule(position_steps: float, threshold_steps: float, microsteps
 
 
 def _strange_modes(comparison: Comparison) -> Iterator[str]:
-    """Yield one line for each axis whose driver was in another excitation mode than planned."""
+    """Yield one line for each axis with a driver in another excitation mode than planned."""
     microsteps = comparison.expected.microsteps
     for name, counted, planned in zip(comparison.axis_names, comparison.counted, microsteps, strict=False):
         for factor in counted.longer_by:
@@ -168,7 +168,7 @@ def _strange_modes(comparison: Comparison) -> Iterator[str]:
 
 
 def _slip_reasons(evidence: Evidence) -> Iterator[str]:
-    """Yield one line for each axis whose motor fell out of step."""
+    """Yield one line for each axis with a slip of its motor."""
     for axis in evidence.axes:
         counts, full_steps = axis.slips.counts, axis.slips.full_steps
         if counts.size:
@@ -178,7 +178,7 @@ def _slip_reasons(evidence: Evidence) -> Iterator[str]:
 
 
 def powerless_reasons(evidence: Evidence) -> Iterator[str]:
-    """Yield one line for each axis that made steps without current."""
+    """Yield one line for each axis with steps without current."""
     for axis in evidence.axes:
         if count := powerless_steps(axis, evidence.start_counts):
             yield f"{axis.name}: {count} steps came while the driver's outputs were off: the motor did not follow"
@@ -214,14 +214,14 @@ def _reasons(comparison: Comparison, index: int, axis: AxisReport) -> list[str]:
 
 
 def _usual(gates: Gates) -> str:
-    """Return what is usual of controllers for which the usual limit is too narrow; a limit of a user's own is known."""
+    """Return a hint for controllers that need a wider limit than the usual one; None for a user's own limit."""
     if gates != any_step_rule():
         return ""
     return f", usual; of controllers that move in segments, such as grbl, {SEGMENTS_TOLERANCE_STEPS:g} is"
 
 
 def _right_end(comparison: Comparison, index: int, axis: AxisReport) -> bool:
-    """Return whether the count at the end is the planned one, or one that its step rule leaves there."""
+    """Return whether the final count is the planned one, or one that its step rule allows."""
     if axis.steps_end == comparison.ideal[index].end_steps:
         return True
     gates, expected = comparison.gates, comparison.expected
@@ -234,7 +234,7 @@ def _right_end(comparison: Comparison, index: int, axis: AxisReport) -> bool:
 
 
 def _skew_reports(comparison: Comparison, worst: _Worst) -> tuple[SkewReport, ...]:
-    """Return how far the two motors of each joint that has two were apart."""
+    """Return the skew of each joint with two motors."""
     expected, robot = comparison.expected, comparison.expected.robot
     if robot is None or not expected.coupling.seconds:
         return ()

@@ -28,7 +28,7 @@ PROGRAMS = {
     f"{HEAD}[{'.'.join(['a'] * 20_000)}]\n": "is more than 16 keys joined by points",
     f"{HEAD}x = {{ {'.'.join(['a'] * 20_000)} = 1 }}\n": "is more than 16 keys joined by points",
     HEAD + "[[step]]\npause = 1\n" * 200_000: "bytes, more than 1 MiB",
-    f"{HEAD}step = [{'{pause=1},' * 60_000}]\n": "step: has 60000 steps; a program has at most 5000",
+    f"{HEAD}step = [{'{pause=1},' * 60_000}]\n": "step: has 60000 steps, more than 5000",
     f"{HEAD}[[step]]\nrepeat = 10000\nsteps = [{{ pause = 0.001 }}]\n": "a program has at most 5000 steps",
 }
 """What is wrong with each program."""

@@ -9,7 +9,9 @@ from typing import Any
 import pytest
 
 from docs.generate.command_line import COMMAND_LINE_PAGE, render_command_line
+from docs.generate.conform_page import CONFORM_PAGE
 from docs.generate.driver_page import DRIVER_PAGE
+from docs.generate.gcode_page import GCODE_PAGE
 from docs.generate.machine_pages import (
     CONTROL_PORT_PAGE,
     FAULTS_PAGE,
@@ -60,8 +62,16 @@ def test_the_page_of_faults_is_up_to_date(monkeypatch: pytest.MonkeyPatch) -> No
     assert FAULTS_PAGE.render() == FAULTS_PAGE.path.read_text(encoding="utf-8")
 
 
+def test_the_page_of_conformance_is_up_to_date() -> None:
+    assert CONFORM_PAGE.render() == CONFORM_PAGE.path.read_text(encoding="utf-8")
+
+
 def test_the_page_of_the_control_port_is_up_to_date() -> None:
     assert CONTROL_PORT_PAGE.render() == CONTROL_PORT_PAGE.path.read_text(encoding="utf-8")
+
+
+def test_the_page_of_gcode_is_up_to_date() -> None:
+    assert GCODE_PAGE.render() == GCODE_PAGE.path.read_text(encoding="utf-8")
 
 
 def test_the_page_of_the_run_folder_is_up_to_date() -> None:

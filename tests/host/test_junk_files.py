@@ -20,8 +20,8 @@ EVENING: Final = re.compile(r"<!-- evening -->\n```toml\n(.*?)```", re.DOTALL)
 
 
 def _campaign(text: str) -> None:
-    from steptwin.features.campaigns.campaign import Sources
-    from steptwin.features.campaigns.reader import parse_campaign
+    from steptwin.features.campaigns.campaign import parse_campaign
+    from steptwin.features.campaigns.sources import Sources
 
     parse_campaign(Sources("campaign.toml", text, folder=Path("no-such-folder")))
 

@@ -19,7 +19,7 @@ from steptwin.emulator.simulation import Simulation
 from steptwin.host.cli.app import run
 from steptwin.host.record.folder import read_edges
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.machine.boards import board_configs, standing_steps
+from steptwin.host.twin.machine.boards import board_configs, steps_at_joints
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord
 from tests.emulator.live.live_rig import TIMEOUT_S, RawClient
@@ -129,7 +129,7 @@ def test_ctrl_c_ends_it_as_well_after_what_docs_live_md_shows() -> None:
         assert "SIMULATED" in shown.stdout
         code, stdout, stderr = server.end(signal.SIGINT)
     assert (code, stderr) == (0, "")  # no status line where there is no terminal
-    steps = standing_steps(load_robot(ROBOT), [0, 0, 200, -60, 120, -90])[3]
+    steps = steps_at_joints(load_robot(ROBOT), [0, 0, 200, -60, 120, -90])[3]
     assert ["th1", str(steps), str(steps), "0", "0"] in [line.split() for line in stdout.splitlines()]
     assert "SIMULATED" in stdout.splitlines()[-1]
 
@@ -171,7 +171,7 @@ def test_other_machines_may_be_allowed() -> None:
 def test_no_edge_is_lost_between_two_takes() -> None:
     """Pieces of a trace, put together, are the whole trace."""
     robot = load_robot(ROBOT)
-    assert standing_steps(robot, list(robot.home))[3] == 0
+    assert steps_at_joints(robot, list(robot.home))[3] == 0
     board = Board(board_configs(robot)[0], fastest_kernel())
     simulation = Simulation([board], Bus(robot.board.bitrate))
     for frame in frames_of_a_motion():

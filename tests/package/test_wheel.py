@@ -11,7 +11,7 @@ from zipfile import ZipFile
 import pytest
 
 import steptwin
-from steptwin.features.campaigns.campaign import digest_of
+from steptwin.features.campaigns.sources import digest_of
 from steptwin.features.kernel_c.layout import kernel_files
 from tests.package.wheels import ROOT, build, contents, install, run_installed
 

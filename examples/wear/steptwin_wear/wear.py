@@ -10,7 +10,8 @@ from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import RunDir
 from steptwin.host.cli.output import print_table
 from steptwin.host.common.features import MachinePart
-from steptwin.host.common.file_models import FileTable, Positive
+from steptwin.host.common.file_models import FileTable
+from steptwin.host.common.file_values import Positive
 from steptwin.host.common.tables import Table
 from steptwin.host.verify.figures import FigureLimit, ReportFigure, SeenAxis
 

@@ -1,4 +1,4 @@
-"""What may go wrong with an emulated machine, its bus and its host: one class a fault, one module a family."""
+"""Faults of an emulated machine, its bus and its host: one class a fault, one module a family."""
 
 from collections.abc import Mapping
 from types import ModuleType
@@ -15,9 +15,9 @@ FAULTS: Final[Mapping[str, type[Fault]]] = {
     for each in vars(family).values()
     if isinstance(each, type) and issubclass(each, Fault) and each.__module__ == family.__name__ and hasattr(each, "do")
 }
-"""Every fault by its name in requests, in the order of help and docs: each class of the families that has such a name.
+"""Faults by name in requests, in the order of help and docs: each class of the families with such a name.
 """
 DOCUMENTED: Final[tuple[Documented, ...]] = tuple(
     dict.fromkeys(row for fault in FAULTS.values() for row in fault.reactions)
 )
-"""Every row of the table of documented reactions."""
+"""Rows of the table of documented reactions."""

@@ -1,8 +1,9 @@
 """Faults of the bus: frames lost, disturbed, doubled or delayed, stations that leave it, and a rogue node on it.
 
-Which frames a fault strikes and how often is data: equal faults and seeds give equal strikes.
+Frames and number of strikes are data: equal faults and seeds give equal strikes.
 """
 
+from abc import abstractmethod
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -50,7 +51,7 @@ _OF_BAD_BUS: Final = (
     ErrorCode.CAN_ERROR_PASSIVE,
     ErrorCode.CAN_BUS_OFF_RECOVERED,
 )
-"""Error codes where frames come late or not at all; the EMCYs themselves may be among these."""
+"""Error codes of late or lost frames; the EMCYs themselves may be lost."""
 
 # --- a rogue node
 
@@ -118,21 +119,21 @@ class RogueFrame(MachineFault):
 BABBLE_US: Final = 47, 10_000_000
 """From the duration of the shortest frame at 1 Mbit/s, which fills the bus, to 10 s."""
 BABBLE_COUNT_MAX: Final = 1_000_000
-"""Most frames of a babble: 47 s of a full bus."""
+"""Largest number of frames of a babble: 47 s of a full bus."""
 _BABBLE_AHEAD: Final = 2
-"""Frames that the rogue node has waiting, so that it always has one for the next arbitration."""
+"""Number of waiting frames of the rogue node; it always has one for the next arbitration."""
 
 
 @dataclass(frozen=True, slots=True)
 class Babble(MachineFault):
     """The same node sends a frame again and again, up to 1000000 times; 0: no more.
 
-    It does so also before the frame before has found its way.
+    It does not wait for the frame before to be sent.
 
     Attributes:
         frame: the frame.
-        period_us: time from one to the next; it is left out while two wait.
-        count: number of times; 0: it does not send this frame any more.
+        period_us: period of the frames; a frame is left out while two wait.
+        count: number of frames; 0 ends the babble of this frame.
     """
 
     do = "babble"
@@ -145,7 +146,7 @@ class Babble(MachineFault):
     count: Annotated[int, Key(metavar="COUNT", least=0, most=BABBLE_COUNT_MAX)]
 
     def apply(self, simulation: "Simulation", number: int) -> None:
-        """Send the frame unless two wait, and again a period later; end what has begun if it is not to be sent."""
+        """Send the frame unless two wait, and again a period later; 0 ends the babble."""
         if not self.count:
             simulation.cancel(partial(_babbles, frame=self.frame))
             return
@@ -164,7 +165,7 @@ class Babble(MachineFault):
 
 
 def _babbles(operation: Operation, frame: Frame | None = None) -> bool:
-    """Return whether an operation is a babble of this frame; None: of any."""
+    """Return whether an operation is a babble of this frame; None: of any frame."""
     return isinstance(operation, Babble) and frame in (None, operation.frame)
 
 
@@ -173,15 +174,15 @@ def _babbles(operation: Operation, frame: Frame | None = None) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class BusFault(Fault):
-    """A fault that strikes the attempts to send which fulfil all its conditions, from its beginning to its end.
+    """A fault that strikes transmissions under all its conditions, from its beginning to its end.
 
     It is the bus' `FrameFilter`.
 
     Attributes:
         cob_ids: identifiers of the frames that it may strike.
-        rate: part of the attempts that it strikes, 0 to 1, drawn from the bus' seeded generator.
-        skip: number of attempts that it lets pass first.
-        count: greatest number of strikes; None for no limit.
+        rate: fraction of the transmissions that it strikes, 0 to 1, drawn from the bus' seeded generator.
+        skip: number of transmissions that pass first.
+        count: largest number of strikes; None for no limit.
     """
 
     once = True
@@ -198,12 +199,12 @@ class BusFault(Fault):
     skip: Annotated[int, Key(metavar="N", least=0)] = 0
     count: Annotated[int | None, Key(metavar="N", least=0)] = None
 
+    @abstractmethod
     def effect(self) -> StrikeEffect:
-        """Return what a strike does; each fault has its own."""
-        raise NotImplementedError
+        """Return the effect of a strike."""
 
     def apply(self, simulation: "Simulation", _number: int) -> None:
-        """Let it strike from now on, until the bus ends it."""
+        """Strike from now on, until the bus ends it."""
         simulation.bus.filters.begin(self)
 
     def end(self, engine: "Engine") -> None:
@@ -223,12 +224,12 @@ class BusFault(Fault):
 
 
 def _only(cob_id: int, fault: BusFault) -> bool:
-    """Return whether a fault concerns the frames of one identifier, and no others."""
+    """Return whether a fault concerns only the frames of one identifier."""
     return set(fault.cob_ids) == {cob_id}
 
 
 def _silent_host(fault: "FrameLoss", _moment: "Moment") -> bool:
-    """Return whether the host's heartbeat is lost from now on, and nothing else."""
+    """Return whether a fault is only the loss of all heartbeats of the host."""
     return _only(COB_HEARTBEAT + HOST_NODE_ID, fault) and fault.rate == 1 and not fault.skip
 
 
@@ -244,8 +245,7 @@ class FrameLoss(BusFault):
     No station notices.
 
     Attributes:
-        receiver: the only station that it concerns, by its place on the bus: 0 the host, 1 the first board; None for
-            all.
+        receiver: only station that it concerns, by its place on the bus: 0 the host, 1 the first board; None for all.
     """
 
     do = "loss"
@@ -377,7 +377,7 @@ class BusOff(MachineFault):
     Its CAN controller leaves the bus, as after too many errors, and returns after the recessive bits that it needs.
 
     Attributes:
-        axis: an axis of the board whose controller it is; None: the host's interface.
+        axis: an axis of the controller's board; None: the host's interface.
     """
 
     do = "bus-off"
@@ -455,7 +455,7 @@ class BusRepair(Fault):
     reactions = (Documented("bus repaired", GOES_ON),)
 
     def apply(self, simulation: "Simulation", _number: int) -> None:
-        """End them now; let the host have the first board's bit rate."""
+        """End all bus faults; set the host to the first board's bit rate."""
         simulation.bus.end_filters(simulation.now_counts)
         simulation.cancel(_babbles)
         bitrate = simulation.boards[0].can.bitrate

@@ -28,22 +28,22 @@ NO_HOST: Final = "'host' is for runs in virtual time; hosts of a live board are 
 
 
 class HostFaultKind(StrEnum):
-    """What goes wrong with the host, the program that drives the machine."""
+    """Faults of the host, the program that drives the machine."""
 
     HANG = "hang"
-    """The program stands still; the bus interface goes on with its heartbeat."""
+    """The program stops working; the bus interface goes on with its heartbeat."""
     DEATH = "death"
-    """The program and its heartbeat end; no frame comes any more."""
+    """The program and its heartbeat end; no more frames come."""
     RESTART = "restart"
-    """It dies; after a time another one takes the machine over, resets its faults and enables it again."""
+    """The program ends; after a time another one takes the machine over, resets its faults and enables it again."""
     LATE = "late"
-    """Each of its waits lasts longer, as on a computer that is too slow."""
+    """Each of its waits lasts longer, as on a slow computer."""
     DISORDER = "disorder"
-    """Each second point of an axis is sent after the point that follows it."""
+    """Every second point of an axis is sent after the next point."""
 
 
 _TIMED: Final = (HostFaultKind.HANG, HostFaultKind.RESTART, HostFaultKind.LATE)
-"""Faults of the host that have a time."""
+"""Faults of the host with a time."""
 _ENDING: Final = (HostFaultKind.HANG, HostFaultKind.LATE, HostFaultKind.DISORDER)
 """Faults of the host that a scenario may end."""
 
@@ -54,11 +54,11 @@ class HostFault(Fault):
 
     Attributes:
         kind: what goes wrong.
-        by_s: duration of a HANG (0: until the fault ends), time until a RESTART, or what each wait of a LATE host takes
-            longer.
+        by_s: duration of a HANG (0: until the fault ends), time until a RESTART, or extra time of each wait of a LATE
+            host.
 
     Raises:
-        ValueError: a time is missing, negative, or means nothing for this kind.
+        ValueError: a time is missing, negative, or not used by this kind.
     """
 
     do = "host"
@@ -118,7 +118,7 @@ class HostFault(Fault):
 
     @property
     def lasts_s(self) -> float | None:
-        """How long it hangs, if that is known."""
+        """Duration of its hang, if known."""
         return (self.by_s or None) if self.kind is HostFaultKind.HANG else None
 
     def why_endless(self) -> str | None:
@@ -129,20 +129,20 @@ class HostFault(Fault):
 
 @dataclass(slots=True)
 class HostCondition:
-    """The faults of the host that last.
+    """Lasting faults of the host.
 
     Attributes:
-        dead: whether it has ended and sends nothing any more.
-        restart_counts: instant when another one takes over; None: none does.
+        dead: True if it has ended and sends nothing any more.
+        restart_counts: instant when another host takes over; None: none does.
     """
 
     dead: bool = False
     restart_counts: int | None = None
     _lasting: list[tuple[HostFault, bool]] = field(default_factory=list)
-    """The others, and whether it is known when each ends."""
+    """Other faults, and whether the end of each is known."""
 
     def begin(self, fault: HostFault, now_counts: int, *, ends: bool = False) -> None:
-        """Let a fault begin; `ends`: it is known when it ends."""
+        """Begin a fault; `ends` is True if its end is known."""
         if fault.kind in (HostFaultKind.DEATH, HostFaultKind.RESTART):
             self.dead = True
             if fault.kind is HostFaultKind.RESTART:
@@ -151,7 +151,7 @@ class HostCondition:
             self._lasting.append((fault, ends))
 
     def end(self, fault: HostFault) -> None:
-        """Let this very fault end; a dead host stays dead."""
+        """End this very fault; a dead host stays dead."""
         self._lasting = [each for each in self._lasting if each[0] is not fault]
 
     def _of(self, kind: HostFaultKind) -> list[tuple[HostFault, bool]]:
@@ -159,20 +159,20 @@ class HostCondition:
 
     @property
     def hangs(self) -> bool:
-        """Whether the program stands still."""
+        """True while the program hangs."""
         return bool(self._of(HostFaultKind.HANG))
 
     @property
     def goes_on(self) -> bool:
-        """Whether a program that stands still is known to go on."""
+        """True if a hanging program is known to continue."""
         return all(ends for _, ends in self._of(HostFaultKind.HANG))
 
     @property
     def late_s(self) -> float:
-        """What each of its waits takes longer."""
+        """Extra time of each of its waits."""
         return sum(fault.by_s for fault, _ in self._of(HostFaultKind.LATE))
 
     @property
     def disordered(self) -> bool:
-        """Whether it sends points out of order."""
+        """True while it sends points out of order."""
         return bool(self._of(HostFaultKind.DISORDER))

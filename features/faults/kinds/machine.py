@@ -239,7 +239,7 @@ class Payload(MachineFault):
             )
 
     def apply(self, simulation: "Simulation", _number: int) -> None:
-        """Load the rotors, if they turn with the boards; else they are where the drivers' steps put them."""
+        """Load the rotors if they turn with the boards; otherwise rotors follow the drivers' steps exactly."""
         if simulation.rotor_watch is not None:
             simulation.rotor_watch.load(self.payload_kg)
 
@@ -247,7 +247,7 @@ class Payload(MachineFault):
         return Payload(before.payload_kg)
 
 
-# --- the boards' logic
+# --- logic of boards
 
 
 def _one_of_several(fault: "BrownOut | WatchdogReset", moment: "Moment") -> bool:
@@ -278,7 +278,7 @@ class BrownOut(MachineFault):
     Processor and drivers lose all that is not in flash.
 
     Attributes:
-        for_ms: time until the firmware runs again, from its beginning; None: until `PowerUp`.
+        for_ms: time until the firmware restarts; None: until `PowerUp`.
         axis: an axis of the board; None: all boards.
     """
 
@@ -315,19 +315,18 @@ class BrownOut(MachineFault):
 
 
 RESET_MS: Final = 3
-"""Usual duration of a reset, until the firmware runs again."""
+"""Usual duration of a reset until the firmware restarts."""
 
 
 @dataclass(frozen=True, slots=True)
 class WatchdogReset(MachineFault):
     """The watchdog resets a board's processor, or that of all boards, while the drivers keep their supply.
 
-    The processor's pins float: STEP, DIR and the chip's inputs fall by their pull-downs, RESET among them; ENABLE has
+    The processor's pins float. STEP, DIR and the chip's inputs, RESET among them, fall by their pull-downs; ENABLE has
     the level of an open terminal.
 
     Attributes:
-        for_ms: time until the firmware runs again, from its beginning: a crystal takes some 2 ms to start (STM32F103,
-            DS5319).
+        for_ms: time until the firmware restarts: a crystal takes some 2 ms to start (STM32F103, DS5319).
         axis: an axis of the board; None: all boards.
     """
 

@@ -1,4 +1,4 @@
-"""Faults of what is wired to a board: limit and home switches, drivers and their motors, the wires to the drivers."""
+"""Faults of the wiring of a board: limit and home switches, drivers and their motors, the wires to the drivers."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -40,13 +40,13 @@ class SwitchFault(AxisFault):
 
 
 def _closed(fault: "StuckSwitch | SwitchWire", _moment: "Moment") -> bool:
-    """Return whether a limit switch sticks closed, or its broken wire looks as if it did."""
+    """Return whether a limit switch sticks closed, or seems to by a broken wire."""
     closed = fault.closed if isinstance(fault, StuckSwitch) else fault.broken is Contact.NORMALLY_CLOSED
     return bool(closed) and fault.switch is not DigitalInput.HOME
 
 
 def _closed_ahead(fault: "StuckSwitch | SwitchWire", moment: "Moment") -> bool:
-    """Return whether it is so, and the axis moves towards this switch."""
+    """Return whether a limit switch seems closed, and the axis moves towards it."""
     velocity = moment.axes[fault.axis].velocity
     return _closed(fault, moment) and (velocity > 0 if fault.switch is DigitalInput.POSITIVE_LIMIT else velocity < 0)
 
@@ -55,7 +55,7 @@ _ONCE_TOWARDS: Final = stops(ErrorCode.LIMIT_SWITCH, begins_ms=inf, certain=Fals
 
 
 def switch_text(switch: "SwitchState") -> str:
-    """Return in words how a switch is."""
+    """Return the state of a switch as text."""
     return f"{'stuck ' if switch.stuck else ''}{'closed' if switch.closed else 'open'}"
 
 
@@ -102,12 +102,12 @@ class StuckSwitch(SwitchFault):
 
 
 class Contact(StrEnum):
-    """What a switch's contact does while nothing presses the switch, which decides what a broken wire looks like."""
+    """State of a switch's contact while the switch is not pressed; determines the effect of a broken wire."""
 
     NORMALLY_OPEN = "normally-open"
-    """A broken wire looks like a switch that nothing presses: the input is never active."""
+    """A broken wire seems like a released switch: the input is never active."""
     NORMALLY_CLOSED = "normally-closed"
-    """A broken wire looks like a pressed switch: the input is active."""
+    """A broken wire seems like a pressed switch: the input is active."""
 
 
 _WHOLE: Final = "whole"
@@ -159,9 +159,9 @@ class BouncingSwitch(SwitchFault):
     """A switch is worn: it bounces so often with each change, within 5 ms; 0: no more.
 
     Attributes:
-        bounces: number of times that it falls back after a change.
-        within_us: time within which it does so.
-        seed: what the instants are drawn from.
+        bounces: number of bounces after a change.
+        within_us: duration of the bouncing.
+        seed: seed of the instants.
     """
 
     do = "bounce"
@@ -198,7 +198,7 @@ def _chip(simulation: "Simulation", number: int, axis: int) -> ChipSheet:
 
 
 def protect_text(pin: "Protect") -> str:
-    """Return in words how a driver's Protect pin is."""
+    """Return the state of a driver's Protect pin as text."""
     if pin.held:
         return "held low"
     return "low: the driver has switched itself off" if pin.low else "free"
@@ -244,7 +244,7 @@ class DriverMode(AxisFault):
     It is set by its switches or by the chip's pins M1 and M2.
 
     Attributes:
-        microsteps: microsteps per full step; None: as the board has it, or the switches had it at power-up.
+        microsteps: microsteps per full step; None: as set by the board, or by the switches at power-up.
     """
 
     do = "mode"
@@ -280,7 +280,7 @@ class DriverMode(AxisFault):
 
 
 OSC_MIN_PF: Final = 64
-"""Smallest capacitor at OSC, in whole pF, with which the chip's oscillator keeps to its limit."""
+"""Smallest capacitor at OSC, in whole pF, with which the chip's oscillator keeps its limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -319,8 +319,8 @@ class OscCapacitor(AxisFault):
             engine.target.operate(OscCapacitor(self.axis, usual.osc_pf))
 
 
-def _tripped_and_told(fault: "ShortCircuit", moment: "Moment") -> bool:
-    """Return whether a short circuit makes current flow, and the board learns of it."""
+def _tripped_and_reported(fault: "ShortCircuit", moment: "Moment") -> bool:
+    """Return whether a short circuit draws current, and the board learns of it."""
     axis = moment.axes[fault.axis]
     return fault.shorted and axis.energised and axis.fault_input is DigitalInput.DRIVER_FAULT
 
@@ -341,7 +341,7 @@ class ShortCircuit(AxisFault):
             replace(stops(ErrorCode.OUTPUT_STAGE, motion=Motion.CUT), others=(ErrorCode.CAN_OVERRUN,)),
             "the driver has switched itself off, and what ends that depends on it; the other axes stop by a ramp; where"
             " ENABLE ends it the input falls at once, and reports of both may be one too many for the node's queue",
-            _tripped_and_told,
+            _tripped_and_reported,
         ),
         Documented(
             "motor short-circuited, and nothing tells it",
@@ -359,7 +359,7 @@ class ShortCircuit(AxisFault):
         board.short(self.axis, shorted=self.shorted)
 
     def undo(self, before: "BoardEnvironment") -> "ShortCircuit":
-        """Return the motor as it was; its driver is not."""
+        """Return the repair of the motor; its driver stays off."""
         return ShortCircuit(self.axis, before.axes[self.axis].shorted)
 
 
@@ -376,7 +376,7 @@ _NOISE_KEYS: Final = (
 def _condition(
     state: WireState | None, rate_hz: float | None, width_ns: int | None, count: int | None, seed: int | None
 ) -> Condition:
-    """Return what a wire is like; a state of None is a noisy one."""
+    """Return the condition of a wire; a state of None is a noisy one."""
     if state is not None:
         given = [
             key.name

@@ -371,7 +371,7 @@ class RotorWatch:
         if inf in accelerations:  # nothing has turned yet
             return 0
         least, first = float(_FREE_TICKS_MAX), 0
-        for axis, way in self._ways_to_stops():
+        for axis, way in self._distances_to_stops():
             least = min(least, _ticks_to(way, speeds[axis], accelerations[axis]))
         for board in self._boards:
             for travel, distance in board.distances_to_change():
@@ -385,7 +385,7 @@ class RotorWatch:
             first += board.config.axis_count
         return int(least)
 
-    def _ways_to_stops(self) -> list[tuple[int, float]]:
+    def _distances_to_stops(self) -> list[tuple[int, float]]:
         """Return the axes with end stops, and the distance of each to the nearer stop in substeps."""
         places = self.rotors.coordinates_rad()
         return [

@@ -265,7 +265,7 @@ def cycle_times(program: Program, robot: Robot) -> tuple[CycleTime, ...]:
 
 
 def _cycle_time(program: Program, robot: Robot, left_percent: float) -> CycleTime:
-    asking = replace(program, limits=AskedLimits(left_percent))
+    asking = replace(program, limits=AskedLimits("motors", left_percent))
     try:
         made = compile_program(asking, robot, drives=motor_limits)
     except InputError as error:

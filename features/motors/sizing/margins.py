@@ -80,16 +80,16 @@ class Search:
         slip_at_end = trial(self.change(end)) if end != self.run else slip_of_run
         if bool(slip_at_end) == bool(slip_of_run):
             keeps, slips = (None, end) if slip_of_run else (end, None)
-            return self._told(keeps, slips, slip_at_end)
+            return self._border(keeps, slips, slip_at_end)
         keeps, slips = (end, self.run) if slip_of_run else (self.run, end)
         slip = slip_of_run or slip_at_end
         for _ in range(_halvings(keeps, slips)):
             between = _between(keeps, slips)
             found = trial(self.change(between))
             keeps, slips, slip = (keeps, between, found) if found else (between, slips, slip)
-        return self._told(keeps, slips, slip)
+        return self._border(keeps, slips, slip)
 
-    def _told(self, keeps: float | None, slips: float | None, slip: MotionSlip | None) -> Border:
+    def _border(self, keeps: float | None, slips: float | None, slip: MotionSlip | None) -> Border:
         joint, at_s = (slip.joint, slip.at_s) if slip else ("", None)
         return Border(self.quantity, self.run, keeps, slips, joint, at_s, self.safe if keeps is None else self.risky)
 

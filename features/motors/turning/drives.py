@@ -14,7 +14,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.motor import FIGURES, Dynamics, JointMotor
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.machine.boards import standing_steps
+from steptwin.host.twin.machine.boards import steps_at_joints
 from steptwin.host.twin.machine.input_changes import Wires
 from steptwin.protocol.drivers import ChipSheet
 
@@ -97,7 +97,7 @@ def motor_wiring(
         InputError: the robot's file does not describe its motors and masses.
     """
     dynamics = check_described(robot)
-    steps = standing_steps(robot, start_joints)
+    steps = steps_at_joints(robot, start_joints)
     held_by = dynamics.payload_held_by
     return MotorWiring(
         drives=[drive_of(joint, chip) for joint in robot.axes],

@@ -1,1 +1,1 @@
-"""The panel's page, made with NiceGUI: one view a file. Only this room and a stored run's page import nicegui."""
+"""The panel's page, made with NiceGUI: one view a file. Only this folder and the replay's page import nicegui."""

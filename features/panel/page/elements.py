@@ -1,4 +1,4 @@
-"""The small parts of every view: cards, headings, buttons, chips, tables, forms and live numbers."""
+"""Small elements of every view: cards, headings, buttons, chips, tables, forms and live numbers."""
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -20,11 +20,11 @@ class View(Protocol):
 
 Handler = Callable[[], Any]
 Tone = Literal["", "good", "warn", "bad"]
-"""Meaning of a text; the words say it too, so that colour is never alone."""
+"""Meaning of a text; the words carry it too, never colour alone."""
 
 
 def card(title: str = "", classes: str = "") -> ui.element:
-    """Return a card, a section of the page with a heading unless it has none."""
+    """Return a card: a section of the page, with a heading if it has a title."""
     section = ui.element("section").classes(f"panel-card {classes}")
     if title:
         with section:
@@ -41,7 +41,7 @@ def line(classes: str = "") -> ui.element:
 
 
 def titled(text: str, classes: str = "") -> ui.element:
-    """Return a row of things that begins with what they are."""
+    """Return a row of elements that begins with a title."""
     row = line(classes)
     with row:
         ui.label(text).classes("muted")
@@ -63,11 +63,11 @@ def plain(
     """Return a button of lesser weight.
 
     Args:
-        text: what is on it.
+        text: text on the button.
         on_click: called when it is clicked.
-        icon: name of its picture.
-        label: its name for those who cannot see what it stands beside; its text by default.
-        moves: True if it moves the machine or changes it: it is dead while the page does not see the machine.
+        icon: name of its icon.
+        label: its name for screen readers; its text by default.
+        moves: True if it moves or changes the machine; it is disabled while the page does not see the machine.
     """
     button = ui.button(text, on_click=on_click, icon=icon, color=None).props("unelevated no-caps").classes("plain")
     if label:
@@ -78,7 +78,7 @@ def plain(
 
 
 def icon_button(name: str, label: str, on_click: Handler | None = None) -> ui.button:
-    """Return a button that is only an icon, with its meaning for those who cannot see it, and as a tooltip."""
+    """Return a button with only an icon; its meaning is a tooltip, and its name for screen readers."""
     button = ui.button(icon=name, on_click=on_click, color=None).props("unelevated").classes("plain icon")
     button.props["aria-label"] = label
     return button.tooltip(label)
@@ -88,7 +88,7 @@ class Chip:
     """A short text on a coloured ground.
 
     Attributes:
-        element: what NiceGUI shows.
+        element: the element of NiceGUI.
     """
 
     def __init__(self, text: str = "", tone: Tone = "", classes: str = "") -> None:
@@ -117,7 +117,7 @@ def note(text: str, tone: Tone = "") -> ui.label:
 
 
 def choice(label: str, options: Mapping[Any, str], value: Any, on_change: Callable[[Any], Any]) -> ui.toggle:
-    """Return a row of buttons with one chosen; `on_change` gets the chosen key."""
+    """Return a row of buttons, one of them chosen; `on_change` gets the chosen key."""
     toggle = ui.toggle(dict(options), value=value, on_change=lambda event: on_change(event.value))
     toggle.props("unelevated no-caps dense toggle-color=primary role=group").classes("choice")
     toggle.props["aria-label"] = label
@@ -130,9 +130,9 @@ _NUMBER: Final = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?", re.ASCII 
 
 
 class NumberField(ui.number):
-    """A field for a number, which may have a decimal comma; a text that is none leaves the field without a value.
+    """Field for a number, also with a decimal comma; another text gives no value.
 
-    A browser's own field for numbers drops the comma where the language has a point: 1,5 would become 15.
+    A browser's own field for numbers drops the comma in languages with a decimal point: 1,5 would become 15.
     """
 
     def __init__(self, label: str | None = None, **options: Any) -> None:
@@ -149,13 +149,13 @@ class FormField:
     """A field of a form.
 
     Attributes:
-        name: its name in the form's values.
-        title: what is written on it.
-        value: what is in it at first; None for an empty field for a number.
-        allowed: the range and unit of a number; None for a text and for a choice.
+        name: name in the form's values.
+        title: visible title.
+        value: initial value; None for an empty field for a number.
+        allowed: range and unit of a number; None for a text and for a choice.
         whole: True for a whole number.
-        choices: the texts to choose from, or the values with their texts; empty for a number and for a text.
-        hint: whether the range of a number is written below it.
+        choices: texts to choose from, or values with their texts; empty for a number and for a text.
+        hint: True if the range of a number is written below it.
     """
 
     name: str
@@ -171,9 +171,9 @@ Input = ui.number | ui.select | ui.input
 
 
 def make_input(given: FormField, changed: Handler = lambda: None) -> Input:
-    """Return the input of a field; `changed` is called when something else is in it. A number says its range and unit.
+    """Return the input of a field; `changed` is called when its content changes. A number shows its range and unit.
 
-    A number that is missing or out of range is marked, and `wrong` tells of it.
+    A missing or out-of-range number is marked; `wrong` returns a message about it.
     """
     made: Input
     allowed = given.allowed
@@ -201,7 +201,7 @@ def make_input(given: FormField, changed: Handler = lambda: None) -> Input:
 
 
 def wrong(inputs: Iterable[ui.element]) -> str | None:
-    """Return what is wrong in the first input that has no number, or one outside its range; None if all are right."""
+    """Return a message about the first input with a missing or out-of-range number; None if all are right."""
     for each in inputs:
         if isinstance(each, ui.number) and not each.validate():
             given = "there is no number" if each.value is None else f"{each.value:.12g} does not fit"
@@ -210,22 +210,22 @@ def wrong(inputs: Iterable[ui.element]) -> str | None:
 
 
 class Form:
-    """Inputs side by side, one for each field; `changed` is called when something else is in one of them."""
+    """Inputs side by side, one for each field; `changed` is called when one of them changes."""
 
     def __init__(self, fields: Iterable[FormField], changed: Handler = lambda: None) -> None:
         with ui.element("div").classes("form-grid"):
             self._inputs = {given.name: make_input(given, changed) for given in fields}
 
     def wrong(self) -> str | None:
-        """Return what is wrong in the first input that is; None if all are right."""
+        """Return a message about the first wrong input; None if all are right."""
         return wrong(self._inputs.values())
 
     def values(self) -> dict[str, Any]:
-        """Return what is in the inputs; None for one without a number."""
+        """Return the values of the inputs; None for one without a number."""
         return {name: each.value for name, each in self._inputs.items()}
 
     def fill(self, values: Mapping[str, Any]) -> None:
-        """Write into the inputs; a value without one is left out."""
+        """Set the inputs; values without an input are ignored."""
         for name, value in values.items():
             if name in self._inputs:
                 self._inputs[name].set_value(value)
@@ -235,7 +235,7 @@ class Form:
 
 
 def table(*headings: str) -> ui.element:
-    """Return the body of a table; headings are texts with the classes of their columns behind a bar: `end|number`."""
+    """Return the body of a table; a heading may have its column's classes before a bar: `end|number`."""
     with ui.element("table").classes("grid-table"):
         with ui.element("thead"), ui.element("tr"):
             for text, _, classes in (each.partition("|") for each in headings):
@@ -246,7 +246,7 @@ def table(*headings: str) -> ui.element:
 
 
 def cell(text: str = "", classes: str = "") -> ui.element:
-    """Return a cell in a row of a table, with a text or a place for other things."""
+    """Return a cell in a row of a table, with a text or as a container."""
     with ui.element("td").classes(classes) as made:
         if text:
             ui.label(text)

@@ -1,12 +1,12 @@
 """Keep other sites, other machines and oversized uploads away from a page that moves a machine.
 
-A browser sends its cookies and opens web sockets for any site that it shows, so a page on 127.0.0.1 is within reach of
-every site that its user visits: by a request of that site (the Origin header tells), or by a name of that site that
-points to 127.0.0.1 (DNS rebinding; the Host header tells). The guard is pure ASGI, since Starlette's BaseHTTPMiddleware
-lets web sockets pass unseen.
+A browser sends its cookies and opens web sockets for any site that it shows. So every site that the user visits can
+reach a page on 127.0.0.1: by a request of that site (the Origin header tells), or by a name of that site that points to
+127.0.0.1 (DNS rebinding; the Host header tells). The guard is pure ASGI, since Starlette's BaseHTTPMiddleware does not
+see web sockets.
 
-A page sends engine.io packets, most of them socket.io events with one JSON object each. The libraries take any of them
-for what their own script sends, and print a traceback for every other one.
+A page sends engine.io packets, most of them socket.io events with one JSON object each. The libraries accept any packet
+as one of their own script, and print a traceback for every other one.
 """
 
 import re
@@ -23,18 +23,18 @@ from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 SOCKET_PATH: Final = "/_nicegui_ws/"
-"""Path of the packets: they come as messages of a web socket, or as bodies of requests, several in one."""
+"""Path of the packets: messages of a web socket, or bodies of requests with several packets in one."""
 _BETWEEN_PACKETS: Final = "\x1e"
 _CONTROL: Final = frozenset(("1", "2", "2probe", "3", "3probe", "5", "6", "40", "40{}", "41"))
 """Packets without an event: close, ping, pong, upgrade, no operation; connect and disconnect."""
 _EVENT: Final = re.compile(r"42\d{0,9}(\[.*\])", re.DOTALL)
-"""An event, with or without the number under which an answer is awaited."""
+"""An event, with or without the number of its acknowledgement."""
 _CHARS_MAX: Final = 1_000_000
-"""Characters of a packet: the libraries take no more."""
+"""Longest packet in characters; the libraries accept no more."""
 _ID_MAX: Final = 1 << 53
 _NAME_CHARS_MAX: Final = 100
 _RESERVED: Final = ("connect", "disconnect")
-"""Names of what the libraries themselves tell."""
+"""Names of the libraries' own events."""
 _LEVELS: Final = ("debug", "info", "warning", "error")
 
 _Check = Callable[[object], bool]
@@ -45,7 +45,7 @@ def _is_name(value: object) -> bool:
 
 
 def _is_number(value: object) -> bool:
-    """Return whether a value is a whole number from 0 to _ID_MAX, or the digits of one, as in a query."""
+    """Return whether a value is a whole number from 0 to _ID_MAX, or its digits, as in a query."""
     if isinstance(value, str):
         return value.isascii() and value.isdecimal() and len(value) <= len(str(_ID_MAX))
     return type(value) is int and 0 <= value <= _ID_MAX
@@ -79,13 +79,13 @@ _FIELDS: Final[Mapping[str, Mapping[str, _Check]]] = {
     "ack": {"client_id": _is_name, "next_message_id": lambda value: type(value) is int and _is_number(value)},
     "log": {"client_id": _is_name, "level": lambda value: value in _LEVELS, "message": _is_printed},
 }
-"""The fields of each event; a field that may be nothing may be missing."""
+"""Fields of each event; a field that may be null may be missing."""
 
 _NO_JSON: Final = object()
 
 
 def _parsed(text: str) -> Any:
-    """Return the value of a JSON text as the libraries read it; _NO_JSON for any other text."""
+    """Return the value of a JSON text as the libraries parse it; _NO_JSON for any other text."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError):
@@ -101,20 +101,20 @@ def is_packet(text: str) -> bool:
         case [str(name), dict(data)] if name in _FIELDS:
             fits = all(check(data.get(field)) for field, check in _FIELDS[name].items())
             return fits and (name != "event" or _is_listened_to(data))
-        case [str(name)] | [str(name), _]:  # of the panel itself, such as a stop, which nothing may hold back
+        case [str(name)] | [str(name), _]:  # events of the panel itself, such as a stop, must always pass
             return name not in _FIELDS and name not in _RESERVED
     return False
 
 
 def _is_listened_to(event: Mapping[str, Any]) -> bool:
-    """Return whether an event's element waits for it; one that has just been deleted is the libraries' matter."""
+    """Return whether an event's element waits for it; events of elements just deleted are left to the libraries."""
     client = Client.instances.get(event["client_id"])
     element = None if client is None else client.elements.get(event["id"])
     return element is None or event["listener_id"] in element._event_listeners  # noqa: SLF001 - nothing public tells
 
 
 def is_connection(scope: Scope) -> bool:
-    """Return whether a request for a connection has what the server reads of it."""
+    """Return whether a request for a connection has all values that the server reads."""
     query = dict(parse_qsl(scope["query_string"].decode("latin-1")))
     if query.get("implicit_handshake") != "true":
         return True
@@ -122,7 +122,7 @@ def is_connection(scope: Scope) -> bool:
 
 
 def only_packets(receive: Receive) -> Receive:
-    """Return a function that receives as a web socket's, without what is no packet."""
+    """Return a receive function for a web socket that drops invalid packets."""
 
     async def receive_packet() -> Message:
         while True:
@@ -134,7 +134,7 @@ def only_packets(receive: Receive) -> Receive:
 
 
 async def packets_of(receive: Receive) -> Receive | None:
-    """Read the body of a request; return a function that receives it again, or None if it holds other than packets."""
+    """Read the body of a request; return a function that receives it again, or None if it has invalid packets."""
     body, more = b"", True
     while more:
         message = await receive()
@@ -163,10 +163,10 @@ BODY_BYTES_MAX: Final = 10_000_000
 """Largest body of a request: an uploaded trajectory or program."""
 
 TOKEN: Final = "token"
-"""Name of the query's parameter that holds the token, in the URL that the command prints."""
+"""Name of the query parameter for the token in the printed URL."""
 
 _DIGITS_MAX: Final = 12
-"""More digits than any length that is accepted; Python refuses to convert thousands of them."""
+"""Most digits of an accepted length; Python refuses to convert thousands of them."""
 
 _HEADERS: Final = (
     (b"x-frame-options", b"DENY"),  # a button in another site's frame could be held by a deceived operator
@@ -177,7 +177,7 @@ _HEADERS: Final = (
 
 
 class _TooLargeError(Exception):
-    """A body without a length turned out to be too large."""
+    """A body without a length is too large."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,9 +185,9 @@ class PageAccess:
     """Access to the page.
 
     Attributes:
-        hosts: values of the Host header that are ours, such as "127.0.0.1:8090"; None accepts any, which needs a token.
-        token: secret that a browser must have brought once; None where only this machine reaches the page.
-        port: TCP port of the page. Cookies do not tell ports apart, so the cookie's name does.
+        hosts: accepted values of the Host header, such as "127.0.0.1:8090"; None accepts any, which needs a token.
+        token: secret that a browser must have sent once; None where only this machine reaches the page.
+        port: TCP port of the page; part of the cookie's name, since cookies do not distinguish ports.
     """
 
     hosts: frozenset[str] | None
@@ -207,7 +207,7 @@ def local_access(port: int, *addresses: str) -> PageAccess:
 
 
 def remote_access(port: int) -> PageAccess:
-    """Return the access of a page that other machines reach, by a new random token."""
+    """Return the access of a page for other machines, with a new random token."""
     return PageAccess(None, secrets.token_urlsafe(24), port)
 
 
@@ -239,7 +239,7 @@ class Guard:
             await self._pass_on(scope, receive, send)
 
     async def _pass_on(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Let the page answer; refuse a body that is too large, and one of its socket's that holds no packets."""
+        """Pass a request to the page; refuse a body that is too large, and a socket's body with invalid packets."""
         if scope["type"] == "websocket":
             await self.app(scope, only_packets(receive), send)
             return
@@ -265,7 +265,7 @@ class Guard:
                 await _answer(send, 413, f"more than {BODY_BYTES_MAX} bytes")
 
     def _foreign(self, headers: Headers) -> str | None:
-        """Return why a request comes from elsewhere; None if it does not."""
+        """Return why a request comes from elsewhere; None if it is ours."""
         host, origin = headers.get("host", ""), headers.get("origin")
         if self._access.hosts is not None and host.lower() not in self._access.hosts:
             return "this page has another address"
@@ -287,7 +287,7 @@ class Guard:
         return token is not None and secrets.compare_digest(given.encode(), token.encode())
 
     def _cookie(self) -> bytes:
-        """Return the cookie; with SameSite=Lax a link in a mail opens the page, but other sites' requests are bare."""
+        """Return the cookie; SameSite=Lax lets a link in a mail open the page, but strips other sites' requests."""
         return f"{self._access.cookie}={self._access.token}; Path=/; HttpOnly; SameSite=Lax".encode()
 
 
@@ -297,7 +297,7 @@ def _length(headers: Headers) -> int:
 
 
 def _limited(receive: Receive) -> Receive:
-    """Return a function that receives as the given one, up to BODY_BYTES_MAX of a body."""
+    """Return a receive function limited to BODY_BYTES_MAX of a body."""
     received_bytes = 0
 
     async def receive_limited() -> Message:
@@ -316,10 +316,10 @@ def _query(scope: Scope) -> Mapping[str, str]:
 
 
 def _without_token(scope: Scope) -> bytes:
-    """Return the address of a request without its token, so that the token does not stay in the browser's history."""
+    """Return the address of a request without its token, which keeps the token out of the browser's history."""
     rest = {name: value for name, value in _query(scope).items() if name != TOKEN}
     path: bytes = scope.get("raw_path") or b"/"
-    path = b"/" + path.lstrip(b"/")  # "//host" would lead elsewhere
+    path = b"/" + path.lstrip(b"/")  # "//host" would lead to another host
     return path + (b"?" + urlencode(rest).encode() if rest else b"")
 
 
@@ -327,7 +327,7 @@ async def _refuse(scope: Scope, receive: Receive, send: Send, status: int, reaso
     if scope["type"] == "http":
         await _answer(send, status, f"steptwin panel: {reason}\n")
         return
-    await receive()  # a web socket is closed after its connect message, which the server answers by 403
+    await receive()  # closing a web socket after its connect message makes the server answer 403
     await send({"type": "websocket.close", "code": 1008, "reason": reason})
 
 

@@ -1,6 +1,6 @@
-"""The Hardware tab: the emulated machine around the board, which only a served board has.
+"""The Hardware tab: the emulated machine around a served board.
 
-Press its emergency stop, lower its supply, trip a driver's Protect pin, let a switch stick, and see what becomes of it.
+Press its emergency stop, lower its supply, trip a driver's Protect pin, stick a switch, and watch the reaction.
 """
 
 import asyncio
@@ -23,12 +23,12 @@ _EVERY_S: Final = 1.0
 Request = Callable[[], ControlState]
 Shown = tuple[str, Tone]
 _STOP: Final = "Press"
-"""The one button that stops the machine."""
+"""Name of the button that stops the machine."""
 _STUCK: Final = {"Free": Stuck.FREE, "Stick closed": Stuck.CLOSED, "Stick open": Stuck.OPEN}
 
 
 class SettableNumber(NamedTuple):
-    """A number that can be set: how the control port is asked for it, its unit, and what it is at first."""
+    """A settable number: its control port request, its unit, and its initial value."""
 
     ask: Callable[[float], ControlState]
     unit: str
@@ -36,14 +36,14 @@ class SettableNumber(NamedTuple):
 
 
 class MachineRow(NamedTuple):
-    """A thing that can be operated.
+    """An operable part of the machine.
 
     Attributes:
         text: its name on the page.
-        of: its name in the names of its buttons; empty where a button's own text says it.
-        shown: its present state, as the control port tells it.
-        presses: what each of its buttons asks the control port.
-        number: the number that can be set, if it is one.
+        of: its name in the labels of its buttons; empty if a button's own text is enough.
+        shown: its present state from the control port.
+        presses: control port request of each of its buttons.
+        number: its settable number, if it has one.
     """
 
     text: str
@@ -54,7 +54,7 @@ class MachineRow(NamedTuple):
 
 
 def rows_of(state: ControlState, control: ControlClient) -> tuple[list[MachineRow], ...]:
-    """Return everything that can be operated: the machine, the drivers' fault lines, inputs, switches."""
+    """Return all operable parts: the machine, the drivers' fault lines, inputs, switches."""
 
     def either(request: Callable[..., ControlState], name: str, on: str, off: str) -> dict[str, Request]:
         return {on: partial(request, **{name: True}), off: partial(request, **{name: False})}
@@ -103,7 +103,7 @@ def _switch(joint: str, name: str, now: ControlState) -> Shown:
 
 
 class HardwareTab:
-    """Buttons for everything that can be operated, each with its present state."""
+    """Buttons for all operable parts, each with its present state."""
 
     def __init__(self, visitor: Visitor, control: ControlClient) -> None:
         self._visitor, self._control = visitor, control
@@ -115,14 +115,14 @@ class HardwareTab:
         self._timer = ui.timer(_EVERY_S, lambda: self._ask(control.state), active=False)
 
     def refresh(self, _snapshot: Snapshot) -> None:
-        """The control port is asked for the state of the hardware, and only while the tab is open."""
+        """Do nothing: the control port is polled for the hardware only while the tab is open."""
 
     def open(self, now: bool) -> None:
-        """Follow the machine while the tab is shown."""
+        """Poll the machine while the tab is shown."""
         self._timer.active = now
 
     async def _do(self, name: str, request: Request, *, stops: bool) -> None:
-        """Let the operator change something; what stops the machine never comes too late."""
+        """Send a request of the operator; requests that stop the machine are always accepted."""
         visitor = self._visitor
 
         def allow() -> None:

@@ -1,4 +1,4 @@
-"""The head of the page: what the machine does, what is in the way, who operates, what stops it; the log of events."""
+"""Head of the page: the machine's state, obstacles, the operator, the stop buttons; and the log of events."""
 
 import time
 from collections.abc import Callable
@@ -15,10 +15,10 @@ from steptwin.host.client.words import STOP_PRESSED
 
 
 class PageHead:
-    """The head of the page; it stays in sight, with the emergency stop in it.
+    """Head of the page; it stays visible, with the emergency stop in it.
 
     Attributes:
-        root: the element that holds the head; the banner is placed in it, since it must stay in sight, too.
+        root: element of the head; the banner is placed in it to stay visible, too.
     """
 
     def __init__(self, visitor: Visitor) -> None:
@@ -39,7 +39,7 @@ class PageHead:
                 self._pause = plain("Pause", attempt(lambda: service.pause(visitor.name)), "pause")
                 resume = attempt(lambda: service.resume(visitor.tab, SHOWN.get()))
                 self._resume = plain("Resume", resume, "play_arrow", moves=True)
-                halt = plain("Stop", None, "stop")  # the panel's script sends stops, in more ways than one
+                halt = plain("Stop", None, "stop")  # the panel's script sends stops, by several paths
                 halt.props["data-stop"] = "stop"
             with line("tight said"):
                 self._operator = Chip()
@@ -75,7 +75,7 @@ class PageHead:
 
 
 def machine_state(snapshot: Snapshot) -> tuple[str, Tone]:
-    """Return the machine's state in a word or two, and how it is meant."""
+    """Return the machine's state in a word or two, and its tone."""
     if not snapshot.connected:
         return "not connected", "bad"
     if snapshot.emergency_stopped:
@@ -89,7 +89,7 @@ def machine_state(snapshot: Snapshot) -> tuple[str, Tone]:
 
 
 def activity_words(activity: Activity) -> str:
-    """Return what the machine does, with the part that is done."""
+    """Return the activity as text, with the fraction done."""
     if activity.waits_for and not activity.paused:
         return f"{activity.name} waits for {activity.waits_for}"
     part = "" if activity.fraction is None else f" {100 * activity.fraction:.0f} %"
@@ -97,7 +97,7 @@ def activity_words(activity: Activity) -> str:
 
 
 class Banner:
-    """The line that says why the machine does not do what is requested, and the way out; its place is kept free."""
+    """A line about the reason why the machine does not move, and the remedy; its space is reserved."""
 
     def __init__(self, visitor: Visitor) -> None:
         with (
@@ -123,11 +123,11 @@ class Banner:
 
 
 _BEHIND_PERCENT: Final = 5.0
-"""Part of the time that an emulated board's clock must have stood to be worth a line."""
+"""Least percentage of time with a stopped board clock that is reported."""
 
 
 def obstacle(snapshot: Snapshot) -> tuple[str, Tone, str]:
-    """Return what is in the way, how bad it is, and the remedy: `reset`, `home` or none; empty texts if nothing is."""
+    """Return the obstacle, its severity, and the remedy: `reset`, `home` or none; empty texts without an obstacle."""
     joints = snapshot.drives
     if not snapshot.connected:
         seen = " Positions are the last known." if joints else ""
@@ -165,17 +165,17 @@ _SHOWN_EVENTS: Final = 200  # the service keeps more
 
 
 class EventLogView:
-    """The newest events first; what has failed is shown as a message, too, since the log is at the page's end."""
+    """List of events, the newest first; failures are also shown as messages, since the list is at the page's end."""
 
     def __init__(self, visitor: Visitor) -> None:
         self._visitor = visitor
         self._log = visitor.service.events
         self._told = max((event.number for event in self._log.since()), default=0)
-        """Number of the last event that this browser need not be told of as a message."""
+        """Number of the last event that needs no message in this browser."""
         self._faulty = False
         self._filter = "all"
         self._shown: list[int] = []
-        """Numbers of the events in the list, the oldest first."""
+        """Numbers of the listed events, the oldest first."""
         with card(classes="panel-wide place-events"):
             with line("between"):
                 heading("What has happened")
@@ -190,7 +190,7 @@ class EventLogView:
             self._visitor.withdraw()
         for event in self._log.since(self._told):
             self._told = event.number
-            if event.severity is Severity.ERROR and snapshot.connected:  # the banner says that it is not
+            if event.severity is Severity.ERROR and snapshot.connected:  # the banner shows it already
                 self._visitor.tell(event.text)
         self._show()
 

@@ -1,4 +1,4 @@
-"""The page of each browser, and the hub of all: one look at the service a tick, and one message for everyone."""
+"""The page of each browser, and the hub of all pages: one look at the service a tick, and one message for everyone."""
 
 import asyncio
 import json
@@ -28,22 +28,22 @@ from steptwin.host.client.control_client import ControlClient
 V = TypeVar("V", bound=View)
 
 _SHOWN_S: Final = 5.0
-"""Time from sending a change to when a browser must show it."""
+"""Time from sending a change until a browser must have shown it."""
 
 
 class Page:
     """The views of one browser."""
 
     def __init__(self, visitor: Visitor) -> None:
-        """Make an empty page, which `build` fills."""
+        """Create an empty page; `build` fills it."""
         self.visitor = visitor
         self.views: list[View] = []
         self._revision = 0
-        """Number of the last change that the views have followed."""
+        """Number of the last change that the views have shown."""
         self._expect_from_now()
 
     async def build(self, positions_file: str, control: ControlClient | None) -> None:
-        """Make the views, with a turn for others after each: a page that is opened must not hold up another's beats."""
+        """Build the views; yield after each one, since opening a page must not delay another page's beats."""
         visitor = self.visitor
         apply_theme()
         self._head = (await self._add(PageHead(visitor))).root
@@ -65,7 +65,7 @@ class Page:
         return view
 
     async def _make_tabs(self, positions_file: str, control: ControlClient | None) -> None:
-        """Make the tabs; all of them are built at once, so that a change shows wherever the operator looks."""
+        """Build all tabs at once, so that a change shows in each of them."""
         visitor, scene = self.visitor, self._scene.scene
         makers: dict[str, Callable[[], View]] = {
             "Jog": lambda: JogTab(visitor),
@@ -94,13 +94,13 @@ class Page:
             tabs.on_value_change(lambda event: hardware.open(event.value == "Hardware"))
 
     def arrive(self, before: "Page | None") -> None:
-        """Show the past to a browser that has connected, and let it operate the machine if no other one does.
+        """Show the past to a connected browser, and make it the operator if there is none.
 
         `before` is the page that the same tab has just shown; None without one.
         """
         if before is not None:
             self.run.go_on(before.run)
-        self._expect_from_now()  # what was missed is sent now
+        self._expect_from_now()  # missed messages are sent now
         self._scene.arrive()
         self._plots.fill()
         visitor = self.visitor
@@ -108,13 +108,13 @@ class Page:
             visitor.attempt(lambda: visitor.service.operator.take(visitor.tab, visitor.name))
 
     def _expect_from_now(self) -> None:
-        """Expect no change that came before to be shown: `_marked` is due next, since it was noted at `_marked_s`."""
+        """Drop expectations of earlier changes: `_marked` is due next, since it was noted at `_marked_s`."""
         self._due, self._marked, self._marked_s = 0, self._revision, time.monotonic()
 
     def due(self, now_s: float) -> int:
-        """Return the number of the change that the browser must show by now: it was sent some seconds ago.
+        """Return the number of the change that the browser must have shown by now.
 
-        Words and numbers come by the same connection, in order: whatever was sent before has come, however slow the
+        Texts and numbers use the same connection, in order: everything sent before has arrived, however slow the
         browser is.
         """
         if now_s - self._marked_s > _SHOWN_S:
@@ -122,18 +122,18 @@ class Page:
         return self._due
 
     def refresh(self, snapshot: Snapshot) -> None:
-        """Let every view follow what has changed."""
+        """Update every view."""
         self._revision += 1
         self._root.classes(add="" if snapshot.connected else "unseen", remove="unseen" if snapshot.connected else "")
         for view in self.views:
             view.refresh(snapshot)
-        self._head.props(f"data-revision={self._revision}")  # last: a view that could not follow keeps it old
+        self._head.props(f"data-revision={self._revision}")  # last: if a view fails, it stays old
 
 
 def tick_of(snapshot: Snapshot) -> dict[str, Any]:
-    """Return what the panel's script shows of a snapshot: numbers in mm, degrees, percent and ms; None is unknown."""
+    """Return a snapshot's numbers for the panel's script, in mm, degrees, percent and ms; None is unknown."""
     pose, activity, parts = snapshot.pose, snapshot.activity, snapshot.links_mm
-    drawable = parts and all(np.isfinite(part).all() for part in parts)  # else the mechanism cannot be assembled
+    drawable = parts and all(np.isfinite(part).all() for part in parts)  # otherwise the mechanism cannot be assembled
     return {
         "n": snapshot.number,
         "held": snapshot.emergency_stopped and all(joint.error is not None for joint in snapshot.drives),
@@ -158,11 +158,11 @@ def _rounded(value: float | None, digits: int = 4) -> float | None:
 
 TICK_S: Final = 1 / 30
 _ALIVE_S: Final = 0.1
-"""Time without a tick after which pages are told that the panel goes on."""
+"""Time without a tick after which a sign of life is sent to the pages."""
 
 
 class Hub:
-    """Makes a page for each browser and keeps all of them up to date."""
+    """Creates a page for each browser and keeps all of them up to date."""
 
     def __init__(self, service: MachineService, positions_file: str, control: ControlClient | None = None) -> None:
         """Share a service, the file of saved positions, and the control port of a served board."""
@@ -176,7 +176,7 @@ class Hub:
         self._sent_s = 0.0
 
     def start(self) -> None:
-        """Follow the service from now on; call this before the server runs."""
+        """Follow the service; call this before the server runs."""
         app.timer(TICK_S, self.tick, immediate=False)
         note_shown()
         for name, stop in (("emergency_stop", self._service.emergency_stop), ("stop", self._service.stop)):
@@ -187,7 +187,7 @@ class Hub:
         return {"told": stop(known.visitor.name if known else "a browser", press)}
 
     async def build(self) -> None:
-        """Make the page of the browser that asks for it; its tab is the service's client, which outlives a reload."""
+        """Build the page of the requesting browser; its tab is the service's client, which survives a reload."""
         client = ui.context.client
         visitor = Visitor(self._service, client)
         page = Page(visitor)
@@ -207,20 +207,20 @@ class Hub:
 
         def leave() -> None:
             self._pages.pop(client.id, None)
-            if of_same_tab() is None:  # as it is after a reload
+            if of_same_tab() is None:  # as after a reload
                 self._service.gone(visitor.tab)
 
         client.on_connect(connected)
         client.on_delete(leave)
 
     async def tick(self) -> None:
-        """Send the newest snapshot to all browsers, and let their views follow what has changed."""
+        """Send the newest snapshot to all browsers, and update their views if anything has changed."""
         snapshot = self._service.snapshot
         now_s = time.monotonic()
         if snapshot.connected and snapshot.number != self._number:
             self._number, self._sent_s = snapshot.number, now_s
             await self._send("tick", json.dumps(tick_of(snapshot)), now_s)
-        elif now_s - self._sent_s > _ALIVE_S:  # so that a page knows a machine that is lost from a panel that is
+        elif now_s - self._sent_s > _ALIVE_S:  # tells a page a lost machine from a lost panel
             self._sent_s = now_s
             await self._send("alive", "", now_s)
         seen = self._changes(snapshot)
@@ -234,7 +234,7 @@ class Hub:
             await core.sio.emit(name, (text, page.due(now_s)), room=client_id)
 
     def _changes(self, snapshot: Snapshot) -> Hashable:
-        """Return all that views show beside the numbers of a tick; while it stays the same they need not look."""
+        """Return everything that views show besides the numbers of a tick; they update when it changes."""
         activity, service = snapshot.activity, self._service
         return (
             (snapshot.connected, snapshot.why_not, snapshot.simulated, snapshot.emergency_stopped),

@@ -1,6 +1,6 @@
 """The table of the joints with the tool's pose, the Outputs tab, and the Jog tab.
 
-In the Jog tab a joint or the tool moves for as long as a button is held, or by steps.
+In the Jog tab a joint or the tool moves while a button is held, or by steps.
 """
 
 import json
@@ -79,7 +79,7 @@ class OutputsTab:
 
 _ON, _OFF = state_words(State.OPERATION_ENABLED), state_words(State.SWITCH_ON_DISABLED)
 _TURNS: Final = ("roll", "pitch", "yaw")
-"""Coordinates that nothing but a tool has; with the place they fill the line."""
+"""Rotational coordinates of a tool; with the position they fill the line."""
 
 
 class Joints:
@@ -141,11 +141,11 @@ class _JointRow:
 
 HOLD: Final = "hold"
 _STEPS: Final = {HOLD: "while held", 10.0: "10", 1.0: "1", 0.1: "0.1"}
-"""Ways of a press: mm and degrees of a step, or for as long as it is held."""
+"""Modes of a press: a step in mm and degrees, or motion while held."""
 _FRAMES: Final = {StepFrame.WORLD: "world's axes", StepFrame.TOOL: "its own"}
 _PERCENTS: Final = {5: "5 %", 20: "20 %", 50: "50 %", 100: "100 %"}
 _TURN_NAMES: Final = {f"r{axis}": f"about {axis}" for axis in "xyz"}
-"""Turns of a tool as buttons name them."""
+"""Button texts for the rotations of a tool."""
 
 
 class JogTab:
@@ -202,7 +202,7 @@ class JogTab:
         self._mark_buttons()
 
     def _mark_buttons(self) -> None:
-        """Let the panel's script hold the buttons, or leave them to be clicked."""
+        """Mark the buttons for the panel's script: to be held, or to be clicked."""
         for button in self._buttons:
             if self._chosen["step"] == HOLD:
                 button.props["data-jog"] = button.props["data-what"]
@@ -213,7 +213,7 @@ class JogTab:
     def _by_step(self, name: str, sign: int) -> None:
         step, percent, frame = self._chosen.values()
         if step == HOLD:
-            return  # the script has told of the press and of its end
+            return  # the script has reported the press and its end
         if name in self._visitor.service.robot.joint_names:
             self._visitor.ask(StepJoint(joint=name, distance=sign * step, speed_percent=percent))
         else:
@@ -227,7 +227,7 @@ class JogTab:
         return ToolJog(name, part * tool_speed_max(name), self._chosen["frame"])
 
     def _beat(self, event: events.GenericEventArguments) -> None:
-        """Pass a beat of a held button on; say a refusal once, not with each beat. Anything else is dropped."""
+        """Pass on a beat of a held button; show a refusal once, not with each beat. Other events are dropped."""
         match event.args:
             case {"press": int(press), "what": str(name), "sign": int(sign)} if name in self._names:
                 try:
@@ -241,7 +241,7 @@ class JogTab:
                 self._tell_once(press, self._visitor.service.release(self._visitor.tab, press))
 
     def _tell_once(self, press: int, why: str | None) -> None:
-        """Say why a press has ended, unless that was said of it already."""
+        """Show why a press has ended, once."""
         if why is not None and self._refused != f"{press} {why}":
             self._refused = f"{press} {why}"
             self._visitor.tell(why)

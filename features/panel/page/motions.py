@@ -1,11 +1,11 @@
-"""The motions that the Run tab offers, planned and checked as on the command line: jobs, trajectory files, programs.
+"""Motions of the Run tab, planned and checked as on the command line: jobs, trajectory files, programs.
 
-An uploaded file is planned in a process of its own: it can be ended, and its memory goes with it. The page's process
-stays as it was, whatever is in the file. The process ends when its task is cancelled, when it takes too long or too
-much memory, and with the page's process: its stdin then ends.
+An uploaded file is planned in a process of its own, which can be ended and takes its memory with it. Whatever the file
+holds, the page's process is unaffected. The process ends when its task is cancelled, when it takes too much time or
+memory, and with the page's process: its stdin then ends.
 
 `python -m steptwin.features.panel.page.motions` is that process: it reads an `UploadedMotion` from stdin and writes the
-plan, or the error, to stdout, both pickled; they come from this program alone.
+plan, or the error, to stdout, both pickled; only this program writes them.
 """
 
 import asyncio
@@ -59,11 +59,11 @@ TITLES: Final[dict[str, str]] = {
     "z_law": "law of the rise",
     "z_mm": "height of the start",
 }
-"""Title of each option by its name."""
+"""Title of each option by name."""
 
 
 def option_title(field: OptionField) -> str:
-    """Return the title of an option; without one of its own it is its name without the unit."""
+    """Return the title of an option; by default its name without the unit."""
     if field.name in TITLES:
         return TITLES[field.name]
     unit = "" if field.allowed is None else field.allowed.unit
@@ -72,7 +72,7 @@ def option_title(field: OptionField) -> str:
 
 @contextmanager
 def naming_titles(fields: Iterable[OptionField]) -> Iterator[None]:
-    """Let errors of the block name options by the titles that the form shows."""
+    """Replace option names in errors of the block by the form's titles."""
     titles = {field.name: option_title(field) for field in fields if "_" in field.name}
     try:
         yield
@@ -89,29 +89,29 @@ UNITS: Final = {
     "m": "degrees, m",
     "rad,m": "radians, m",
 }
-"""Titles of the units that a trajectory file may have."""
+"""Titles of the units of trajectory files."""
 _PATH_POINTS: Final = 600
-"""Points of a planned path that is shown: as fine as a screen."""
+"""Points of a displayed path: enough for the resolution of a screen."""
 
 
 def plan_job(robot: Robot, name: str, options: Mapping[str, str], stretch: float | None) -> Plan:
-    """Plan a job with options given as texts; `stretch` as `plan_stretched`. Raises InputError."""
+    """Plan a job with options as texts; `stretch` as in `plan_stretched`. Raises InputError."""
     with naming_titles(job_fields(robot, name)):
         return _planned(robot, make_job(robot, name, options), stretch)
 
 
 @dataclass(frozen=True, slots=True)
 class UploadedMotion:
-    """An uploaded file with a motion, and how it is to be planned.
+    """An uploaded file with a motion, and how to plan it.
 
     Attributes:
         robot: the machine.
         name: the file's name.
-        content: what is in it.
-        stretch: as `plan_stretched`.
-        units: of a trajectory file.
-        beside: other uploaded files by their names, to which a program may refer. Nothing else is read: the file that a
-            program names as its robot is the machine's own if it has that robot's name.
+        content: content of the file.
+        stretch: as in `plan_stretched`.
+        units: units of a trajectory file.
+        beside: other uploaded files by name, to which a program may refer. No other file is read: the robot that a
+            program names is the machine's own if the names agree.
     """
 
     robot: Robot
@@ -123,11 +123,11 @@ class UploadedMotion:
 
 
 Planned = tuple[Plan, str | None]
-"""A plan, and what is to be asked about the units of its file, if that is doubtful since it hardly moves."""
+"""A plan, and a question about the units of its file if it hardly moves."""
 
 
 def plan_upload(file: UploadedMotion) -> Planned:
-    """Plan an uploaded file; raise InputError, with the file's own name, for what is wrong in it."""
+    """Plan an uploaded file; raise InputError, with the file's own name, for errors in it."""
     robot, stretch = file.robot, file.stretch
     with uploaded(file.name, file.content, file.beside, robot) as path:
         if path.endswith(SUFFIX):
@@ -158,12 +158,12 @@ def _planned(robot: Robot, trajectory: Trajectory, stretch: float | None) -> Pla
 PLANNING_S_MAX: Final = 120.0
 """Longest time for planning a file: a straight line of the tool that lasts an hour takes some 10 s."""
 MEMORY_BYTES_MAX: Final = 3 << 30
-"""Addresses that the process may use; an hour takes some 150 MiB of memory, and libraries reserve far more."""
+"""Address space of the process; an hour's motion takes some 150 MiB of memory, and libraries reserve far more."""
 _SIZE_BYTES: Final = 8
 
 
 async def plan_apart(file: UploadedMotion) -> Planned:
-    """Plan an uploaded file as `plan_upload`; raise InputError as it does, or if it takes too long or too much."""
+    """Plan an uploaded file as `plan_upload` in another process; raise InputError also beyond its time or memory."""
     request = pickle.dumps(file)
     process = await asyncio.create_subprocess_exec(sys.executable, "-m", __name__, stdin=PIPE, stdout=PIPE)
     assert process.stdin
@@ -188,15 +188,15 @@ async def plan_apart(file: UploadedMotion) -> Planned:
 
 
 def _end_with_parent() -> None:
-    """End this process as soon as its stdin has ended."""
+    """End this process when its stdin ends."""
     while os.read(sys.stdin.fileno(), 1):
         pass
     os._exit(1)
 
 
 def main() -> None:
-    """Plan what stdin asks for."""
-    with suppress(ImportError):  # not every system can limit the addresses
+    """Plan the motion from stdin."""
+    with suppress(ImportError):  # some systems cannot limit the address space
         import resource
 
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES_MAX, MEMORY_BYTES_MAX))

@@ -45,11 +45,11 @@ from steptwin.host.robots.poses import COLUMNS, PLACE, POSE, Orientation, Pose
 
 _KINDS: Final = {"joints": "Joints", "tool": "Tool pose", "saved": "Saved positions"}
 Go = Callable[[Callable[[float], Command]], None]
-"""Request a move, which is made for the part of the highest speeds in percent."""
+"""Requests a move; the function it gets makes the command for a percentage of the highest speeds."""
 
 
 class MoveTab:
-    """Three ways to say where to go, and one speed."""
+    """Three kinds of targets, and one speed."""
 
     def __init__(self, visitor: Visitor, scene: ArmScene, positions_file: str) -> None:
         self._visitor, self._scene = visitor, scene
@@ -184,14 +184,14 @@ class _JointsForm:
                 plain("Home position", lambda: self._form.fill(home))
 
     def fill_once(self, snapshot: Snapshot) -> None:
-        """Show where the machine is when that becomes known: with the first snapshot, and by homing."""
+        """Fill in the position once it is known: with the first snapshot, and after homing."""
         known = snapshot.homed and snapshot.activity is None
         if snapshot.joints and (not self._filled or (known and not self._known)):
             self._fill()
         self._known = known or (self._known and snapshot.homed)
 
     def _fill(self) -> None:
-        """Show where the machine is; nothing for a joint whose position is unknown."""
+        """Fill in the machine's position; a joint with an unknown position stays empty."""
         joints = self._visitor.service.snapshot.joints
         self._filled = bool(joints)
         self._form.fill({joint.name: round(joint.position, 3) if joint.homed else None for joint in joints})
@@ -239,14 +239,14 @@ _KEYS: Final = {
     "rotvec_deg": "rotation vector",
     "abc_deg": "A, B, C",
 }
-"""How the orientation of a tool that turns in space may be written."""
+"""Notations of the orientation of a tool that turns in space."""
 _IDENTITY: Final = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 _FAR_MM: Final = 1e5
-"""Largest coordinate that a field takes; reach is checked by the kinematics."""
+"""Largest coordinate in a field; the kinematics check the reach."""
 
 
 class _ToolForm:
-    """Fields for the tool's pose, and every branch of the arm that reaches it, or why it does not."""
+    """Fields for the tool's pose, and every branch that reaches it, or why none does."""
 
     def __init__(self, visitor: Visitor, scene: ArmScene, go: Go) -> None:
         self._visitor, self._scene, self._go = visitor, scene, go
@@ -281,7 +281,7 @@ class _ToolForm:
             return Form(fields, self._look_for_branches)
 
     def _write_as(self, key: str) -> None:
-        """Let the fields have another notation of the orientation, of the same pose if they had one."""
+        """Change the notation of the orientation; convert the pose if the fields have one."""
         pose = self._pose()
         self._key = key
         self._form = self._make_form()
@@ -289,12 +289,12 @@ class _ToolForm:
             self._show(pose)
 
     def fill_once(self, snapshot: Snapshot) -> None:
-        """Show where the tool is when it is known and the machine does nothing, the first time."""
+        """Fill in the tool's pose once, when it is known and the machine is idle."""
         if not self._filled and snapshot.pose is not None and snapshot.activity is None:
             self._fill()
 
     def _fill(self) -> None:
-        """Show where the tool is; nothing while that is unknown, and for a machine without one."""
+        """Fill in the tool's pose; empty if it is unknown or the machine has no tool."""
         pose = self._visitor.service.snapshot.pose
         if not pose:
             return
@@ -314,7 +314,7 @@ class _ToolForm:
         self._form.fill({name: round(number, decimals) for name, number in zip(names, numbers, strict=True)})
 
     def _given(self) -> tuple[dict[str, float], Orientation | None]:
-        """Return coordinates and orientation in the fields, which must all be filled; InputError for no orientation."""
+        """Return coordinates and orientation from the filled fields; raise InputError for an invalid orientation."""
         values = {name: float(value) for name, value in self._form.values().items()}
         if self._key is None:
             return self._task.told(values)
@@ -322,11 +322,11 @@ class _ToolForm:
         return {name: values[name] for name in PLACE}, orientation
 
     def _pose(self) -> Pose | str | None:
-        """Return the pose in the fields; None while one is empty, and why if it is none."""
+        """Return the pose in the fields; None if a field is empty, and a message if it is invalid."""
         values = self._form.values()
         if None in values.values():
             return None
-        if self._key is None:  # an attitude that follows has no field
+        if self._key is None:  # a dependent attitude has no field
             figures = [values.get(name, nan) for name in self._task.coordinates]
             return tuple(self._task.of_figures(np.array([figures]))[0].tolist())
         try:

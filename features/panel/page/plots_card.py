@@ -20,7 +20,7 @@ from steptwin.features.panel.service.snapshots import Snapshot
 from steptwin.host.robots.joint import Joint
 
 WINDOW_S: Final = 20.0
-"""Time that a plot shows."""
+"""Time span of a plot."""
 
 
 class LivePlot(
@@ -30,7 +30,7 @@ class LivePlot(
 ):
     """A plot of every joint; joints in mm and in degrees have an axis each.
 
-    Its methods, by `run_method`: `fill` with rows of the past, `show` with a quantity, `freeze` with whether it stands.
+    Methods for `run_method`: `fill` with past rows, `show` with a quantity, `freeze` with True to stop.
     """
 
     def __init__(self, joints: Sequence[Joint]) -> None:
@@ -61,10 +61,10 @@ class PlotsCard:
                         live(key)
 
     def refresh(self, _snapshot: Snapshot) -> None:
-        """The numbers come with each tick."""
+        """Do nothing: the numbers come with each tick."""
 
     def fill(self) -> None:
-        """Show the last seconds at once, in a browser that has just opened the page."""
+        """Fill the plot with the last seconds, in a browser that has just opened the page."""
         samples = self._visitor.service.history.since(time.monotonic() - WINDOW_S)
         columns = (samples.positions, samples.rates, samples.following_errors)
         known = [
@@ -87,7 +87,7 @@ class PlotsCard:
 
 
 def csv_of(samples: HistorySamples, joints: list[tuple[str, str]]) -> str:
-    """Return samples as CSV, the first at t = 0; what the board did not report is empty."""
+    """Return samples as CSV, the first at t = 0; values that the board did not report are empty."""
     file = StringIO()
     writer = csv.writer(file, lineterminator="\n")
     columns = (("", "", samples.positions), ("rate ", "/s", samples.rates), ("error ", "", samples.following_errors))

@@ -1,4 +1,4 @@
-"""The Result tab: the last runs, the verdict on each, and its pictures: planned and reported positions."""
+"""The Result tab: the last runs, the verdict on each, and pictures of planned and reported positions."""
 
 import time
 from functools import partial
@@ -18,16 +18,16 @@ from steptwin.host.robots.robot import Robot
 _COLOURS: Final = ("#2f7de1", "#d9652b", "#2f9e63", "#a45fd6", "#b98a17", "#1797a8", "#d6478a", "#7b8794")
 _MUTED: Final = {"color": "#7d8894"}
 _LINE: Final = {"lineStyle": {"color": "#7d889440"}}
-"""Colours that can be read on light and on dark."""
+"""Colours that are readable on light and dark backgrounds."""
 _POINTS: Final = 800
-"""Points of a curve: as fine as a screen."""
+"""Points of a curve: enough for the resolution of a screen."""
 _VERDICTS: Final[dict[bool | None, tuple[str, Tone]]] = {
     None: ("did not end", "warn"),
     True: ("ended where planned", "good"),
     False: ("ended elsewhere", "bad"),
 }
 _Curves = list[list[list[float]]]
-"""The points of each joint's or axis' curve, (s, value)."""
+"""Points (s, value) of each joint's or axis' curve."""
 
 
 class ResultTab:
@@ -96,7 +96,7 @@ def _pictures(result: Result, outcome: LiveOutcome) -> None:
 
 
 def _joint_points(result: Result, robot: Robot) -> _Curves:
-    """Return the joints' positions as they were reported; coupled joints need those of all axes at the same time."""
+    """Return the joints' reported positions; coupled joints need those of all axes at the same time."""
     points = []
     for i, own in enumerate(result.placed[: len(robot.joints)]):
         units = np.column_stack([np.interp(own.t_s, axis.t_s, axis.units) for axis in result.placed])

@@ -1,4 +1,4 @@
-"""The Run tab: choose a job or upload a file, see what it does, then let the machine do it."""
+"""The Run tab: choose a job or upload a file, preview its motion, then run it on the machine."""
 
 import asyncio
 from collections.abc import Awaitable, Callable, Coroutine, Mapping
@@ -48,18 +48,18 @@ from steptwin.host.planning.peaks import Quantity
 from steptwin.host.planning.plan import Plan
 
 _FILES_MAX: Final = 20
-"""Most files that are there at once."""
+"""Largest number of files at once."""
 
 
 class Upload:
-    """A field onto which files are dropped, with the name of the one that is to be run and those that go with it.
+    """Field for dropping files; it names the file to run and those that belong to it.
 
     Attributes:
         files: contents by name, the newest last.
     """
 
     def __init__(self, changed: Callable[[], Awaitable[None]], refused: Callable[[str], None]) -> None:
-        """Make it; `changed` is called when other files, or none, are there, `refused` with the reason for none."""
+        """Create it; `changed` is called when the files change, `refused` with the reason for a refused file."""
         self.files: dict[str, bytes] = {}
         self._changed, self._refused = changed, refused
         self.root: ui.element = stack("tight")
@@ -82,7 +82,7 @@ class Upload:
 
     @property
     def main(self) -> str | None:
-        """Name of the file that is to be run; None without one."""
+        """Name of the file to run; None without one."""
         return to_run(self.files)
 
     @property
@@ -91,7 +91,7 @@ class Upload:
         return {name: self.files[name] for name in companions(self.files)}
 
     def show(self, files: Mapping[str, bytes]) -> None:
-        """Have other files, or none; nobody is told."""
+        """Set the files without calling `changed`."""
         self.files = dict(files)
         name = self.main
         self._row.set_visibility(name is not None)
@@ -100,7 +100,7 @@ class Upload:
             self._name.set_text(f"Chosen: {name}, {_size_words(len(self.files[name]))}{beside}")
 
     async def _take(self, event: events.MultiUploadEventArguments) -> None:
-        """Take files to those that are there, of which only what goes with the file to be run stays."""
+        """Add files, and keep only those that belong to the file to run."""
         self._field.reset()  # its own list would grow, with a tick at each file
         files = self.files
         for file in event.files:
@@ -135,20 +135,20 @@ def _size_words(size_bytes: int) -> str:
 _FILE: Final = "a file of yours"
 _PACES: Final = {"1": "as planned", "2": "half speed", "4": "quarter speed", "auto": AS_SLOW_AS_NEEDED}
 _SPEEDS_PERCENT: Final = (10, 25, 50, 75, 100, 125, 150)
-"""Speeds of a motion that runs, in percent of the planned one."""
+"""Speeds of a running motion, in percent of the planned one."""
 _REPETITIONS_MAX: Final = 1000
 
 
 @dataclass(slots=True, eq=False)
 class Preview:
-    """A motion that was looked at, and may be run.
+    """A previewed motion, which may be run.
 
     Attributes:
         name: its name.
         plan: its plan.
         path_mm: the tool's path, shape (n, 3).
-        doubted: what is to be asked about its file's units; None if nothing is.
-        ran: True if it was run: then its path stays until the next preview.
+        doubted: question about its file's units; None without one.
+        ran: True if it was run; its path then stays until the next preview.
     """
 
     name: str
@@ -162,10 +162,10 @@ class RunTab:
     """A motion, its options, its preview, and the button that starts it.
 
     Attributes:
-        form: the options of a job; None for a file of the user's.
+        form: options of a job; None for a user's file.
         upload: the user's files.
-        kept: what keeps its value when the tab is loaded again, beside options and files.
-        shown: what may be run; None without a preview.
+        kept: further inputs that survive a reload of the tab.
+        shown: motion that may be run; None without a preview.
     """
 
     def __init__(self, visitor: Visitor, scene: ArmScene) -> None:
@@ -215,7 +215,7 @@ class RunTab:
         visitor.attempt(lambda: visitor.service.change_speed(visitor.tab, percent, SHOWN.get()))
 
     def go_on(self, before: "RunTab") -> None:
-        """Show what another tab has shown, since the page was loaded again."""
+        """Restore what another tab has shown, since the page was loaded again."""
         self.upload.show(before.upload.files)
         for field, same in zip(self.kept, before.kept, strict=True):
             field.set_value(same.value)
@@ -242,7 +242,7 @@ class RunTab:
             await self._look()
 
     def _outdate(self) -> None:
-        """Forget the preview, since something has changed: only what was seen can be run."""
+        """Drop the preview after a change: only what was seen can be run."""
         self._end_planning()
         if self.shown is not None and not self.shown.ran:
             self._show_path(None)
@@ -251,7 +251,7 @@ class RunTab:
         self._start.set_enabled(False)
 
     async def _look(self) -> None:
-        """Plan the motion and show its path and figures, unless something is changed or the page closed meanwhile."""
+        """Plan the motion and show its path and figures, unless inputs change or the page closes meanwhile."""
         name, make = self._maker()
         if make is None:
             return
@@ -277,7 +277,7 @@ class RunTab:
             self._planning.cancel()
 
     def _show(self, preview: Preview) -> None:
-        """Show how long a plan takes and how near it comes to the limits; it may be run from now on."""
+        """Show the duration of a plan and its distance from the limits; it may be run from now on."""
         self.shown, plan = preview, preview.plan
         speed, acceleration = plan.highest(Quantity.SPEED), plan.highest(Quantity.ACCELERATION)
         with self._figures:
@@ -292,7 +292,7 @@ class RunTab:
         self.refresh(self._visitor.service.snapshot)
 
     def _show_path(self, path: FloatArray | None) -> None:
-        """Show a path, or none: the operator's in every browser, one that a watcher looks at in its own alone."""
+        """Show a path, or none: the operator's in every browser, a watcher's in its own alone."""
         drawing = self._visitor.service.drawing
         if not self._visitor.operates:
             self._scene.show_line("plan", drawing.path_mm if path is None else path)
@@ -302,9 +302,9 @@ class RunTab:
             drawing.show_path(path)
 
     def _maker(self) -> tuple[str, Callable[[], Coroutine[Any, Any, Planned]] | None]:
-        """Return the name of what is chosen, and the function that plans it.
+        """Return the name of the chosen motion, and the function that plans it.
 
-        If something is missing or wrong there is no function, but a message.
+        If an input is missing or wrong, there is a message in place of the function.
         """
         robot, name, upload = self._visitor.service.robot, str(self._choice.value), self.upload
         stretch = None if self._pace.value == "auto" else float(self._pace.value)

@@ -22,11 +22,11 @@ from steptwin.host.robots.kinematics.marks import Skeleton
 from steptwin.host.robots.robot import Robot
 
 _NEAR: Final = 0.06
-"""Distance of two names that are written as one, as a fraction of the arm's size."""
+"""Distance of two labels that are joined, as a fraction of the arm's size."""
 
 
 class JointLabel(TypedDict):
-    """Names and their point: its part, in the order of `Skeleton.whole`, and its number there."""
+    """A label and its point: index of the part in `Skeleton.whole`, and index of the point in it."""
 
     text: str
     part: int
@@ -34,7 +34,7 @@ class JointLabel(TypedDict):
 
 
 def joint_labels(robot: Robot) -> list[JointLabel]:
-    """Return where the joints' names stand: at the ends of their axes, those together that are near at home."""
+    """Return the joints' labels at the ends of their axes; labels that are close at home are joined."""
     skeleton, home = Skeleton(robot), np.array([robot.home])
     parts = skeleton.whole(home)
     first = next(i for i, part in enumerate(parts) if part.role is Role.AXIS)
@@ -52,24 +52,24 @@ def joint_labels(robot: Robot) -> list[JointLabel]:
 
 
 Arm = Literal["arm", "ghost", "other"]
-"""The arms that the view can show at once: the machine, a ghost of where it is to go, and another run's."""
+"""Arms that the view can show at once: the machine, a ghost at the target, and another run's arm."""
 Line = Literal["plan", "trace"]
-"""The lines that the view can show: the planned path and the tool's trace."""
+"""Lines that the view can show: planned path and trace of the tool."""
 Mark = Literal["axes", "frames"]
-"""The lines beside the bodies that a user shows or hides."""
+"""Lines that a user shows or hides."""
 View = Literal["top", "front", "side", "iso", "path"]
-"""Place that the camera looks from; `path` looks at the lines alone, from where it is."""
+"""Viewpoint of the camera; `path` looks at the lines alone, from the present direction."""
 
 _DECIMALS: Final = 2
-"""Hundredths of a mm are far below a pixel."""
+"""Decimals of coordinates; hundredths of a mm are far below a pixel."""
 _SAMPLES: Final = 400
-"""Random joint positions by which the space that the arm takes is found."""
+"""Random joint positions that determine the space of the arm."""
 _CLOSE: Final = 0.8
-"""Size of what is seen, over the diagonal of the space that the arm takes."""
+"""Size of the visible space, relative to the diagonal of the arm's space."""
 
 
 def flat_lines(polylines: Iterable[FloatArray]) -> list[list[float]]:
-    """Return polylines of shape (n, 3), in mm, as the browser takes them: one flat list of coordinates each."""
+    """Return polylines of shape (n, 3), in mm, for the browser: one flat list of coordinates each."""
     return [polyline.round(_DECIMALS).reshape(-1).tolist() for polyline in polylines]
 
 
@@ -83,13 +83,13 @@ class ArmScene(
     component="static/arm_scene.js",
     esm={"nicegui-scene": str(Path(nicegui.__file__).parent / "elements" / "scene" / "dist")},
 ):
-    """A view of a robot's arm and of the boxes around it, in mm, with z up.
+    """View of a robot's arm and of the boxes around it, in mm, with z up.
 
-    The camera holds the arms and the planned path that are shown, until a user turns it.
+    The camera shows all visible arms and the planned path until a user turns it.
     """
 
     def __init__(self, robot: Robot, holding_mm: FloatArray | None = None) -> None:
-        """Make the view of arms and lines, or of what holds points of shape (n, 3) as well."""
+        """Create the view for arms and lines, and for points of shape (n, 3) if given."""
         super().__init__()
         skeleton = Skeleton(robot)
         held_mm = np.empty((0, 3)) if holding_mm is None else holding_mm[np.isfinite(holding_mm).all(axis=1)]
@@ -100,7 +100,7 @@ class ArmScene(
             roles=[str(link.role) for link in skeleton.whole(np.array([robot.home]))],
             size=skeleton.size_mm,
             names=list(joint_labels(robot)),
-            span=float(np.linalg.norm(np.ptp(taken_mm, axis=0))) * _CLOSE,  # thicknesses and the grid follow it
+            span=float(np.linalg.norm(np.ptp(taken_mm, axis=0))) * _CLOSE,  # line widths and the grid depend on it
             hold=[held_mm.min(axis=0).tolist(), held_mm.max(axis=0).tolist()] if len(held_mm) else [],
             boxes=[[*ends.mean(axis=1).tolist(), *np.ptp(ends, axis=1).tolist()] for ends in boxes_mm],
         )
@@ -116,23 +116,23 @@ class ArmScene(
         self.run_method("clear", shape)
 
     def move_boxes(self, shifts_mm: Iterable[FloatArray]) -> None:
-        """Show every box, in the order of the robot's file, moved by a vector of shape (3,) in mm."""
+        """Move every box, in the order of the robot's file, by a vector of shape (3,) in mm."""
         self.run_method("moveBoxes", [shift_mm.round(_DECIMALS).tolist() for shift_mm in shifts_mm])
 
     def look(self, view: View) -> None:
         self.run_method("look", view)
 
     def show_marks(self, marks: Mark, on: bool) -> None:
-        """Show the joints' axes or the frames, or hide them."""
+        """Show or hide the joints' axes or the frames."""
         self.run_method("showMarks", marks, on)
 
     def enable_drawing(self, on: bool) -> None:
-        """Switch the drawing off or on: without a graphics card it costs the browser a processor."""
+        """Switch drawing on or off; without a graphics card it takes a processor."""
         self.run_method("enable", on)
 
 
 def _reached_mm(robot: Robot) -> FloatArray:
-    """Return points of the space that the arm and its boxes take, shape (n, 3)."""
+    """Return points of the space of the arm and its boxes, shape (n, 3)."""
     lower, upper = ([getattr(joint, end) for joint in robot.joints] for end in ("lower", "upper"))
     places = np.vstack([robot.home, np.random.default_rng(0).uniform(lower, upper, (_SAMPLES, len(lower)))])
     lines_mm = [link.points_mm for link in make_kinematics(robot).links(places)]
@@ -150,7 +150,7 @@ _LEGEND: Final = (("--plan", "planned path"), ("--trace", "where the tool was"),
 
 
 class SceneCard:
-    """The card; it draws the service's path and trace, the same in every browser and after a reload.
+    """Card with the view, the service's path and the trace; the same in every browser and after a reload.
 
     Attributes:
         scene: the view in it.
@@ -173,7 +173,7 @@ class SceneCard:
                     for colour, text in _LEGEND if has_tool else _LEGEND[-1:]:
                         legend(colour, text)
 
-    def refresh(self, _snapshot: Snapshot) -> None:  # the points by which the trace grows come with each tick
+    def refresh(self, _snapshot: Snapshot) -> None:  # new points of the trace come with each tick
         version, before = self._drawing.version, self._drawn
         self._drawn = version
         if before is None or before[0] != version[0]:
@@ -186,7 +186,7 @@ class SceneCard:
 
 
 def view_buttons(scene: Callable[[], ArmScene]) -> None:
-    """Make the buttons of a scene, which may be made later: directions of the camera, axes and frames."""
+    """Add the buttons of a scene, which may be created later: viewpoints, axes and frames."""
 
     def look(view: View) -> None:
         scene().look(view)
@@ -201,12 +201,12 @@ def view_buttons(scene: Callable[[], ArmScene]) -> None:
         plain(text, partial(look, view), label=f"look from: {text}")
     for mark, text, label in _MARKS:
         button = plain(text, None, label=label)
-        button.props["aria-pressed"] = "true" if mark == "axes" else "false"  # these are shown at first
+        button.props["aria-pressed"] = "true" if mark == "axes" else "false"  # visible at first
         button.on_click(partial(switch, mark, button))
 
 
 def drawing_switch(scene: Callable[[], ArmScene]) -> None:
-    """Make the button that switches the drawing off and on; the scene may be made later."""
+    """Add the button that switches drawing; the scene may be created later."""
     drawn = True
 
     def switch() -> None:
@@ -218,7 +218,7 @@ def drawing_switch(scene: Callable[[], ArmScene]) -> None:
 
 
 def legend(colour: str, text: str) -> None:
-    """Say what is drawn in a colour, a variable of the style sheet."""
+    """Add a legend for a colour, given as a variable of the style sheet."""
     with ui.element("span").classes("legend"):
         ui.element("i").style(f"background: var({colour})")
         ui.label(text)

@@ -1,4 +1,4 @@
-"""Serve a page in a browser until Ctrl-C: one port, the guard before everything, and nothing from other hosts."""
+"""Serve a page in a browser until Ctrl-C: one port, guarded, without content from other hosts."""
 
 import logging
 import socket
@@ -22,21 +22,21 @@ from steptwin.host.common.listening import is_loopback, listen
 from steptwin.host.common.processes import collecting_often, on_signals
 
 PORT: Final = 8090
-"""Port of the page, unless another one is asked for or it is in use."""
+"""Default port of the page."""
 
 _RECONNECT_S: Final = 20.0
-"""Time for which a page that has lost its connection is kept: a laptop's radio may take that long to come back."""
+"""Time for which a page without connection is kept; a laptop's radio may take as long to reconnect."""
 _BUILD_S: Final = 60.0
-"""Time to build a page, on a computer that is too slow; a browser waits for longer."""
+"""Longest time to build a page on a slow computer; a browser waits longer."""
 _GRACE_S: Final = 1
-"""Time that open pages have to finish their requests when the server ends."""
+"""Time for open pages to finish their requests when the server ends."""
 
 
 class OneLine(logging.Formatter):
-    """An error of a page's event as a line that says where it was raised: a browser may send any value in an event."""
+    """Formats an error of a page's event as one line with its origin: a browser may send any value in an event."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """Return the line of a record."""
+        """Return the line for a record."""
         text, error = record.getMessage(), record.exc_info[1] if record.exc_info else None
         if error is not None:
             at = traceback.extract_tb(error.__traceback__)[-1]
@@ -49,7 +49,7 @@ class OneLine(logging.Formatter):
 class Address:
     """Address of the page; `port` None takes PORT, or a free one if it is in use, and 0 a free one.
 
-    With `allow_remote` other machines reach the page, with a token.
+    `allow_remote` lets other machines reach the page, with a token.
     """
 
     host: str = "127.0.0.1"
@@ -66,10 +66,10 @@ def serve_page(
     """Serve a page at a socket of `open_port` until Ctrl-C or SIGTERM.
 
     Args:
-        build: makes the page's elements for each browser that opens it.
-        listener: where browsers connect; other machines need a token, which the URL has.
+        build: creates the page's elements for each browser that opens it.
+        listener: socket for browsers; other machines need the token in the URL.
         title: title of the page.
-        announce: called with the page's URL when browsers can open it.
+        announce: called with the page's URL when it is ready.
     """
     host, port = listener.getsockname()[:2]
     access = local_access(port, in_url(host)) if is_loopback(host) else remote_access(port)
@@ -86,7 +86,7 @@ def serve_page(
         tailwind=False,
         show_welcome_message=False,
     )
-    log = logging.getLogger("nicegui")  # what an event of a page has raised, a line each
+    log = logging.getLogger("nicegui")  # exceptions of a page's events, a line each
     if not any(isinstance(handler.formatter, OneLine) for handler in log.handlers):
         handler = logging.StreamHandler()
         handler.setFormatter(OneLine())
@@ -103,14 +103,14 @@ def serve_page(
         timeout_graceful_shutdown=_GRACE_S,
     )
     logging.getLogger("uvicorn.error").addFilter(is_own_fault)
-    # A page is ten thousand objects in circles. And NiceGUI looks for the server among all objects that are not spared:
-    # one of canopen's raises an error when looked at.
+    # A page is ten thousand objects with cyclic references. NiceGUI searches all objects that are not frozen for the
+    # server; one of canopen's raises an error when examined.
     with collecting_often():
         _Server(config, lambda: announce(url)).run(sockets=[listener])
 
 
 def is_own_fault(record: logging.LogRecord) -> bool:
-    """Return whether the server's log is to have a record: text that is no UTF-8 is a client's fault."""
+    """Return whether the server's log keeps a record: text that is not UTF-8 is a client's error."""
     return not (record.exc_info and isinstance(record.exc_info[1], UnicodeDecodeError))
 
 
@@ -124,14 +124,14 @@ def open_port(address: Address) -> socket.socket:
     wanted = PORT if address.port is None else address.port
     try:
         return listen(address.host, wanted, allow_remote=address.allow_remote)
-    except BusError:  # a second panel on this machine
+    except BusError:  # for a second panel on this machine
         if address.port is not None:
             raise
         return listen(address.host, 0, allow_remote=address.allow_remote)
 
 
 class _Server(uvicorn.Server):
-    """A server that says when it has started, and that a signal ends without being raised again."""
+    """A server that reports its start, and that a signal ends without raising it again."""
 
     def __init__(self, config: uvicorn.Config, announce: Callable[[], None]) -> None:
         super().__init__(config)

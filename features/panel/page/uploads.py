@@ -1,7 +1,7 @@
-"""Uploaded files: which of them is to be run, and those to which a program refers.
+"""Uploaded files: the file to run, and those to which a program refers.
 
-A browser tells a file's name without its folder, so a reference finds the uploaded file by its last part. Nothing else
-on this computer is read for a program that came from a browser.
+A browser sends a file's name without its folder, so references are resolved by their last part. A program from a
+browser can read no other file of this computer.
 """
 
 import tomllib
@@ -14,23 +14,19 @@ from typing import Any, Final
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.programs import SUFFIX
 from steptwin.host.planning.programs.program_file import verb_of_suffix
+from steptwin.host.planning.programs.step_files import step_program
 from steptwin.host.planning.trajectory_file import SUFFIXES
 from steptwin.host.robots.robot import Robot
 
 _VERBS: Final = verb_of_suffix()
-"""The verb of the step that runs a file with an ending."""
+"""Verb of the step that runs a file with this suffix."""
 RUNNABLE: Final = (*SUFFIXES, SUFFIX, *_VERBS)
 _KEYS: Final = (*dict.fromkeys(_VERBS.values()), "positions_file")
 """Keys of a program, besides `robot`, that name a file."""
-_STEP: Final = """\
-[[step]]
-{} = {}
-"""
-"""The program that runs such a file as it is."""
 
 
 def to_run(files: Mapping[str, bytes]) -> str | None:
-    """Return the name of the file that is to be run: the newest of those to which no program refers; None without."""
+    """Return the name of the file to run: the newest one to which no program refers; None without one."""
     programs = {name: document for name in files if (document := _program(name, files[name])) is not None}
     named = {_plain(reference) for document in programs.values() for _, reference in _references(document)}
     runnable = [name for name in files if name not in named and (name in programs or not name.endswith(SUFFIX))]
@@ -38,7 +34,7 @@ def to_run(files: Mapping[str, bytes]) -> str | None:
 
 
 def companions(files: Mapping[str, bytes]) -> list[str]:
-    """Return the names of the files that go with the one that is to be run: robots, positions, and what it names."""
+    """Return the names of the files that belong to the file to run: robots, positions, and its references."""
     main = to_run(files)
     if main is None:
         return []
@@ -49,14 +45,14 @@ def companions(files: Mapping[str, bytes]) -> list[str]:
 
 @contextmanager
 def uploaded(name: str, content: bytes, beside: Mapping[str, bytes], robot: Robot) -> Iterator[str]:
-    """Write a file, and those to which it refers, for the block; errors name them as their user knows them."""
+    """Write a file and its references for the block; errors use the user's names."""
     plain = Path(name).name
     ending = Path(plain).suffix.lower()
     if ending not in RUNNABLE:
         raise InputError(f"{plain}: a file to run ends in {', '.join(RUNNABLE)}")
     files: dict[str, bytes] = {}
     if ending in _VERBS:
-        files[plain], content, ending = content, _STEP.format(_VERBS[ending], _quoted(plain)).encode(), SUFFIX
+        files[plain], content, ending = content, step_program(plain).encode(), SUFFIX
     elif ending == SUFFIX:
         files = _referred(plain, content, beside, robot)
     with TemporaryDirectory(prefix="steptwin-") as folder:
@@ -75,7 +71,7 @@ def uploaded(name: str, content: bytes, beside: Mapping[str, bytes], robot: Robo
 
 
 def _write(path: Path, data: bytes, wrong: str) -> None:
-    """Write a file; raise InputError if no file can have this name."""
+    """Write a file; raise InputError for a name that is impossible."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
@@ -94,7 +90,7 @@ def _free(stem: str, files: Mapping[str, bytes]) -> str:
 
 
 def _referred(plain: str, content: bytes, beside: Mapping[str, bytes], robot: Robot) -> dict[str, bytes]:
-    """Return the contents of the files that a program names, by these names; raise InputError if one is missing."""
+    """Return the contents of the files that a program names, by name; raise InputError if one is missing."""
     known = {_plain(name): data for name, data in beside.items()}
     found: dict[str, bytes] = {}
     for key, reference in _references(_program(plain, content) or {}):
@@ -118,7 +114,7 @@ def _referred(plain: str, content: bytes, beside: Mapping[str, bytes], robot: Ro
 
 
 def _program(name: str, content: bytes) -> dict[str, Any] | None:
-    """Return the document of a program; None for another file. What is no TOML is a program with a mistake."""
+    """Return the document of a program; None for another file. Invalid TOML counts as a program with an error."""
     if Path(name).suffix.lower() != SUFFIX:
         return None
     try:
@@ -129,7 +125,7 @@ def _program(name: str, content: bytes) -> dict[str, Any] | None:
 
 
 def _references(document: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the files that a program names, however deep they are in it, each with its key."""
+    """Return the files that a program names at any depth, each with its key."""
     robot = document.get("robot")
     named = [("robot", robot)] if isinstance(robot, str) and robot.endswith(SUFFIX) else []
     waiting: list[Any] = [document]
@@ -145,8 +141,3 @@ def _references(document: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 def _plain(name: str) -> str:
     return PurePosixPath(name).name
-
-
-def _quoted(text: str) -> str:
-    escaped = "".join(each if each.isprintable() and each not in '"\\' else f"\\U{ord(each):08X}" for each in text)
-    return f'"{escaped}"'

@@ -1,7 +1,7 @@
-"""A browser that shows the page: who it is to the service, what it is told, and what its web socket carries.
+"""A browser with the page: its identity for the service, its messages, and the content of its web socket.
 
-Beside NiceGUI's own messages the socket carries emergency stops. And the page's script adds the number of the newest
-state that it had shown to each event that it sends (`shown`): an event that was held up keeps that of its click.
+Besides NiceGUI's own messages the socket carries emergency stops. The page's script also adds the number of the newest
+state that it had shown to each event (`shown`). A delayed event keeps the number of its click.
 """
 
 import time
@@ -24,7 +24,7 @@ from steptwin.features.panel.service.service import MachineService
 from steptwin.host.common.errors import StepTwinError
 
 _COLOURS: Final = {"primary": "#1257a8", "positive": "#1b6e3c", "negative": "#b3161b", "info": "#1257a8"}
-"""Colours of chosen buttons and of messages: white text on them can be read in light and dark."""
+"""Colours of chosen buttons and of messages; white text on them is readable in light and dark."""
 
 FAVICON: Final = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 32 32">'
@@ -41,7 +41,7 @@ def _static(name: str) -> str:
 
 
 def apply_theme(*, script: bool = True) -> None:
-    """Give the page of this browser the style sheet, and the panel's script unless the page has no machine."""
+    """Give this page the style sheet, and the panel's script if it has a machine."""
     ui.colors(**_COLOURS)
     ui.add_head_html(f"<style>{_static('panel.css')}</style>")
     if script:
@@ -49,7 +49,7 @@ def apply_theme(*, script: bool = True) -> None:
 
 
 SHOWN: Final[ContextVar[int | None]] = ContextVar("shown", default=None)
-"""Number of the newest state that the page had shown when it sent the event that is handled now."""
+"""Number of the newest state that the page had shown when it sent the event in progress."""
 _KINDS: Final[dict[Tone, Literal["positive", "warning", "negative", "info"]]] = {
     "": "info",
     "good": "positive",
@@ -57,7 +57,7 @@ _KINDS: Final[dict[Tone, Literal["positive", "warning", "negative", "info"]]] = 
     "bad": "negative",
 }
 _ONCE_S: Final = 0.5
-"""Time without the same message: an event and a refusal may have the same cause."""
+"""Time before a message may be repeated: an event and a refusal may have the same cause."""
 
 
 @dataclass
@@ -65,10 +65,10 @@ class Visitor:
     """A browser's tab.
 
     Attributes:
-        service: the machine service that it watches.
-        page: the page that NiceGUI made for it.
-        name: name by which others know it.
-        tab: identity of the tab, which outlives a reload; the page's own until the tab has connected.
+        service: machine service that it watches.
+        page: NiceGUI's page.
+        name: its name for other users.
+        tab: identity of the tab, which survives a reload; the page's own until the tab has connected.
     """
 
     service: MachineService
@@ -87,18 +87,18 @@ class Visitor:
         return self.service.operator.is_operator(self.tab)
 
     def ask(self, command: Command) -> bool:
-        """Request something; say why not, if the service refuses. Return whether it has agreed."""
+        """Request a command; show the reason if the service refuses. Return whether it has accepted."""
         return self.attempt(lambda: self.service.ask(self.tab, command, SHOWN.get()))
 
     def attempt(self, action: Callable[[], object]) -> bool:
-        """Do something that may be refused or that bad input ends, and say why; return whether it was done."""
+        """Execute an action that may be refused or raise InputError; show the reason, and return the success."""
         with self.explained() as outcome:
             action()
         return not outcome
 
     @contextmanager
     def explained(self, *, message: bool = True) -> Iterator[list[str]]:
-        """Show an error of the block as a message, or let the caller: the list that is yielded has its text."""
+        """Show an error of the block as a message, or leave that to the caller; the yielded list gets its text."""
         texts: list[str] = []
         try:
             yield texts
@@ -112,7 +112,7 @@ class Visitor:
             self.tell(text)
 
     def tell(self, text: str, tone: Tone = "bad") -> None:
-        """Show a short message, one that is an error by default; the same cause is told once."""
+        """Show a short message, by default an error; repetitions within _ONCE_S are dropped."""
         now_s = time.monotonic()
         if text == self._told and now_s - self._told_s < _ONCE_S:
             return
@@ -121,25 +121,25 @@ class Visitor:
             ui.notify(text, type=_KINDS[tone], position="bottom-left", timeout=6000)
 
     def withdraw(self) -> None:
-        """Take the messages of errors away: what they told of is over."""
+        """Remove error messages whose cause is over."""
         self._told = ""
         with self.page:
             ui.run_javascript("window.withdrawErrors?.()")
 
 
-# --- what a web socket carries
+# --- content of a web socket
 
 _SPACE: Final = "/"
 _EVENT: Final = "event"
 _PRESS_MAX: Final = 64
-"""Most characters of the name of a press."""
+"""Longest name of a press."""
 
 Answer = dict[str, bool]
-"""Answer to a page's stop: `told` says whether the machine was told of it."""
+"""Answer to a page's stop: `told` is True if the machine received it."""
 
 
 class _Noting:
-    """Hands an event on, with `SHOWN` as it says; drops what is no event."""
+    """Passes events on with `SHOWN` set; drops anything else."""
 
     def __init__(self, handle: Callable[[str, Any], None]) -> None:
         self._handle = handle
@@ -153,7 +153,7 @@ class _Noting:
 
 
 def note_shown() -> None:
-    """Note the state that pages had shown with each of their events, from now on."""
+    """Set `SHOWN` from each event of pages from now on."""
     handle = core.sio.handlers[_SPACE][_EVENT]
     if not isinstance(handle, _Noting):
         core.sio.on(_EVENT, _Noting(handle))
@@ -162,8 +162,8 @@ def note_shown() -> None:
 def on_stop(name: str, stop: Callable[[str | None, str | None], Answer]) -> None:
     """Call `stop` with the page and the press when a page sends a stop of this name, by its socket or a request.
 
-    A press has a name that the page gives it. It comes on both ways, and again until it is answered: the socket may be
-    dead, and the request comes on a connection of its own.
+    The page names each press. A press arrives by both paths, repeatedly until it is answered: the socket may be dead,
+    and a request has a connection of its own.
     """
 
     def by_socket(sid: str, press: object = None) -> Answer:

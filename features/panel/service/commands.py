@@ -1,6 +1,7 @@
-"""What an operator may request: power and faults, outputs and settings, homing, steps, moves, runs, and jogs."""
+"""Requests of an operator: power and faults, outputs and settings, homing, steps, moves, runs, and jogs."""
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -35,40 +36,40 @@ from steptwin.host.robots.robot import Robot
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
-    """A command or a jog: checked in the thread that requests it, performed in the service's.
+class Request(ABC):
+    """A command or a jog: checked in the thread that requests it, performed in the service's thread.
 
-    Positions and distances are in mm and degrees, parts of the highest speeds in percent.
+    Positions and distances are in mm and degrees, speeds in percent of the highest ones.
     """
 
     named: ClassVar[str]
-    """Its title in a few words, in which {0} is the request."""
+    """Short title of the request; {0} is the request."""
     needs_drives: ClassVar[bool] = True
-    """True if it needs the drives: none in fault, no emergency stop."""
+    """True if it is refused during a drive fault or an emergency stop."""
     needs_homed: ClassVar[bool] = False
-    """True if every joint must know its position."""
+    """True if it needs all joints homed."""
     jogs: ClassVar[bool] = False
-    """True if it lasts as long as a button is held."""
+    """True if it lasts while a button is held."""
 
     @property
     def title(self) -> str:
-        """Its name in a few words."""
+        """Short title."""
         return self.named.format(self)
 
     def check(self, limits: MachineSettings, standing: Sequence[float]) -> None:
-        """Raise InputError for a request that is wrong, or impossible from where the joints stand."""
+        """Raise InputError for a request that is invalid, or impossible from the joints' position."""
 
 
 class Work(NamedTuple):
-    """The work of carrying out a command.
+    """Context of a command's execution.
 
     Attributes:
         session: the machine.
-        limits: the robot's limits and all settings, which a command may change.
-        events: what has happened.
-        runs: the runs that have ended.
-        progress: call it with the part that is done.
-        seen_s: when the machine was as the operator saw it, on the clock of `time.monotonic`.
+        limits: the robot's limits and all settings; a command may change them.
+        events: log of events.
+        runs: ended runs.
+        progress: receives the fraction done.
+        seen_s: time of the state that the operator saw, on the clock of `time.monotonic`.
     """
 
     session: Session
@@ -81,16 +82,16 @@ class Work(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Command(Request):
-    """A request that has an end of its own."""
+    """A request that ends by itself."""
 
+    @abstractmethod
     def perform(self, work: Work) -> str:
-        """Carry the command out; return in one line what has come of it, an empty text for nothing."""
-        raise NotImplementedError
+        """Execute the command; return its result in one line, or an empty text."""
 
 
 @dataclass(frozen=True, slots=True)
 class Enable(Command):
-    """Switch every drive on; they hold their positions."""
+    """Switch every drive on; each holds its position."""
 
     named = "switch on"
 
@@ -115,7 +116,7 @@ class Disable(Command):
 
 @dataclass(frozen=True, slots=True)
 class ResetFaults(Command):
-    """Reset the drives' faults, and end an emergency stop; the drives are off afterwards."""
+    """Reset the drives' faults and the emergency stop; the drives are off afterwards."""
 
     named = "reset"
     needs_drives = False
@@ -146,7 +147,7 @@ class SwitchOutput(Command):
 
 @dataclass(frozen=True, slots=True)
 class WriteSettings(Command):
-    """Write settings: values by `Setting.key`."""
+    """Write settings, given by `Setting.key`."""
 
     named = "settings"
     needs_drives = False
@@ -162,7 +163,7 @@ class WriteSettings(Command):
 
 @dataclass(frozen=True, slots=True)
 class HomeAll(Command):
-    """Find every joint's position by its switches, then move to the home position."""
+    """Home every joint by its switches, then move to the home position."""
 
     named = "home"
     together: bool = False
@@ -178,7 +179,7 @@ class HomeAll(Command):
 
 @dataclass(frozen=True, slots=True)
 class HomeJoint(Command):
-    """Find one joint's position by its switches, then move it to its home position."""
+    """Home one joint by its switches, then move it to its home position."""
 
     named = "home {0.joint}"
     joint: str
@@ -193,7 +194,7 @@ class HomeJoint(Command):
 
 @dataclass(frozen=True, slots=True)
 class DeclareHere(Command):
-    """Say where the standing machine is; nothing moves."""
+    """Declare the position of the machine at standstill; nothing moves."""
 
     named = "declare"
     joints: tuple[float, ...]
@@ -242,7 +243,7 @@ class StepTool(Command):
 
     @property
     def title(self) -> str:
-        """Its name, with the coordinates."""
+        """Short title with the coordinates."""
         return f"step {' '.join(self.distances)}"
 
     def check(self, _limits: MachineSettings, _standing: Sequence[float]) -> None:
@@ -258,7 +259,7 @@ class StepTool(Command):
 
 @dataclass(frozen=True, slots=True)
 class MoveJoints(Command):
-    """Move joints to positions, by name; the others stay. All arrive together."""
+    """Move joints to positions, by name, with a common arrival; the others stay."""
 
     named = "move"
     needs_homed = True
@@ -277,7 +278,7 @@ class MoveJoints(Command):
 
 @dataclass(frozen=True, slots=True)
 class MoveTool(Command):
-    """Move the tool to a pose, on the branch that the position names; coordinates may be left out."""
+    """Move the tool to a pose on the branch of the present position; coordinates may be left out."""
 
     named = "move"
     needs_homed = True
@@ -302,7 +303,7 @@ class RunMotion(Command):
     name: str
     repeat: int = 1
     approach: bool = False
-    """True moves to the plan's start first."""
+    """True to move to the plan's start first."""
 
     def check(self, limits: MachineSettings, _standing: Sequence[float]) -> None:
         if self.plan.robot != limits.robot:
@@ -331,7 +332,7 @@ class RunMotion(Command):
 
 
 class JogEnd(NamedTuple):
-    """The end of a jog: whether anything has moved, and whether it is at the end of its travel."""
+    """End of a jog: whether anything has moved, and whether it is at the end of its travel."""
 
     moved: bool
     at_end: bool
@@ -339,13 +340,13 @@ class JogEnd(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Jog(Request):
-    """A motion at a speed with a sign, in mm/s or deg/s, for as long as a button is held."""
+    """A motion at a speed with sign, in mm/s or deg/s, while a button is held."""
 
     jogs = True
 
+    @abstractmethod
     def perform(self, session: Session, released: Callable[[], bool]) -> JogEnd:
-        """Jog until the button is released, or the machine can go no further."""
-        raise NotImplementedError
+        """Jog until the button is released, or until the machine can go no further."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""The machine while it is connected: everything that waits for the bus happens here, in the service's thread."""
+"""The connected machine: all work that waits for the bus, in the service's thread."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import can
 
 from steptwin.features.panel.service.commands import Work
-from steptwin.features.panel.service.guards import EXPIRED, Press, Stop, StopAskedError, StopRequests
+from steptwin.features.panel.service.guards import EXPIRED, Press, Stop, StopRequestedError, StopRequests
 from steptwin.features.panel.service.messages import operator_message
 from steptwin.features.panel.service.snapshots import Publisher
 from steptwin.features.panel.service.telemetry import set_up_reports
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class StoppableNetwork(BusNetwork):
-    """A network on which the thread that has opened it sends no frame after a stop was asked for; others may."""
+    """A network on which the thread that opened it sends no frame after a request to stop; other threads may."""
 
     def __init__(self, bus: can.BusABC, title: str, stops: StopRequests) -> None:
         super().__init__(bus, title)
@@ -36,7 +36,7 @@ class StoppableNetwork(BusNetwork):
         self._thread = get_ident()
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """Send a frame; raise StopAskedError in the service's thread if it must stop, BusError if the bus fails."""
+        """Send a frame; raise StopRequestedError in the service's thread if it must stop, BusError if the bus fails."""
         if get_ident() != self._thread:
             super().send_message(can_id, data, remote)
             return
@@ -45,10 +45,10 @@ class StoppableNetwork(BusNetwork):
 
 
 class ServiceLink(BusLink):
-    """A BusLink on which any function of `host/operate` publishes telemetry and ends when a stop is asked for.
+    """A BusLink that publishes telemetry during any function of `host/operate`, and ends it on a request to stop.
 
     Attributes:
-        publish: called in every wait.
+        publish: called in each wait.
     """
 
     def __init__(self, bus: can.BusABC, title: str, stops: StopRequests) -> None:  # in the service's thread
@@ -57,29 +57,29 @@ class ServiceLink(BusLink):
         self.publish: Callable[[], None] = lambda: None
 
     def wait(self, dt_s: float) -> None:
-        """Sleep and publish; raise StopAskedError if the thread must stop, BusError if the bus has failed."""
+        """Sleep and publish; raise StopRequestedError if the thread must stop, BusError if the bus has failed."""
         super().wait(dt_s)
         self.publish()
         self._stops.check()
 
 
 _SPEED_PERIOD_S: Final = 0.3
-"""Time from one question about the present speed to the next, while a trajectory runs."""
+"""Period of queries of the present speed while a trajectory runs."""
 _PLANNED_PERCENT: Final = 100
 
 
 class _WantedSpeed(NamedTuple):
-    """A speed, and the number of the newest state that the page had shown which asks for it."""
+    """A requested speed, and the number of the newest state that its page had shown."""
 
     percent: int
     shown: int
 
 
 class RunSpeed:
-    """The speed on the way, in percent of the planned one: any thread may ask for one or read it.
+    """Speed override in percent of the planned speed; any thread may request or read it.
 
     Attributes:
-        percent: the present speed as last read, 0 in a pause; None without a trajectory.
+        percent: last speed read, 0 in a pause; None without a trajectory.
     """
 
     def __init__(self, service: "MachineService") -> None:
@@ -90,18 +90,18 @@ class RunSpeed:
         self._read_s = float("-inf")
 
     def ask(self, percent: int, shown: int) -> None:
-        """Let the trajectory run at a percentage of the planned speed, with the next wait of the service's thread."""
+        """Request a percentage of the planned speed; the service's thread sets it in its next wait."""
         self._wanted = _WantedSpeed(percent, shown)
 
     def drop(self) -> None:
         self._wanted = None
 
     def tend(self, machine: Machine) -> None:
-        """Change the speed if that is asked for, and read it from time to time; in the service's thread.
+        """Set a requested speed, and read the speed from time to time, in the service's thread.
 
-        A speed that comes too late, or after a stop, is refused as a command is, with a line in the events.
+        A request that comes too late, or after a stop, is refused like a command, with a line in the events.
         """
-        if self._tending:  # a question waits itself
+        if self._tending:  # a query waits itself
             return
         if not any(axis.interpolating for axis in machine.axes):
             self.percent = self._wanted = None
@@ -126,17 +126,17 @@ class RunSpeed:
 
 
 _TURN_S: Final = 0.01
-"""Longest time until an idle thread looks round."""
+"""Longest wait of an idle thread."""
 _SLOWLY_S: Final = 1.0
-"""Period of the questions about what no node reports by itself."""
+"""Period of queries for values that no node reports by itself."""
 _HELD_S: Final = 0.5
-"""Longest wait for the reports that drives are held, once they are."""
+"""Longest wait for reports that drives are held, once they are."""
 _SIMULATED: Final = "SIMULATED"
-"""Word in an emulated board's device name (1008h)."""
+"""Text in an emulated board's device name (1008h)."""
 
 
 class ConnectedMachine:
-    """A machine that is connected; it does one thing at a time."""
+    """A connected machine; it does one thing at a time."""
 
     def __init__(self, link: ServiceLink, service: "MachineService") -> None:
         self._link = link
@@ -145,14 +145,14 @@ class ConnectedMachine:
         self.publisher: Publisher = Publisher(self.session, service)
         service.runs.listen(self.session)
         self._slow_questions_s = float("-inf")
-        self._often = self._read = False  # once the nodes report often, and once settings and the like have been read
+        self._often = self._read = False  # True once nodes report often, and once settings and the like are read
 
     def begin(self, title: str, *, force: bool) -> None:
-        """Make a stop that waits before anything else; then show the machine, which must be there and this robot's.
+        """Make a pending stop, then publish the machine; it must be present and this robot's.
 
         Raises:
-            StopAskedError: as `make_stop`.
-            BusError: as `make_stop`; an axis is missing, or the board carries another robot's name, unless forced.
+            StopRequestedError: as `make_stop`.
+            BusError: as `make_stop`; or an axis is missing, or the board has another robot's name, unless forced.
         """
         self.make_stop()
         self.session.require_present()
@@ -171,10 +171,10 @@ class ConnectedMachine:
         service.events.info(f"connected: {title}")
 
     def turn(self) -> None:
-        """Stop if that is asked for; then carry out a command, or jog, or wait.
+        """Make a requested stop; then execute a command, or jog, or wait.
 
         Raises:
-            StopAskedError: a stop is asked for; the next turn makes it.
+            StopRequestedError: a stop is requested; the next turn makes it.
             BusError: the connection is lost.
         """
         self.make_stop()
@@ -189,14 +189,14 @@ class ConnectedMachine:
 
     @contextmanager
     def _reporting(self, name: str) -> Iterator[list[str]]:
-        """Log how the block fails, and note it in the list that is yielded; then the service does nothing."""
+        """Log an error of the block and append it to the yielded list; the service is idle afterwards."""
         events, failures = self._service.events, list[str]()
         try:
             yield failures
         except (InputError, DeviceFaultError, BusError) as error:
             failures.append(f"{name}: {operator_message(error)}")
             events.error(failures[0])
-        except StopAskedError as asked:
+        except StopRequestedError as asked:
             events.warning(f"{name}: {asked}")
             raise
         finally:
@@ -216,7 +216,7 @@ class ConnectedMachine:
                 service.events.info(f"{title}: {text}" if title not in text else text)
 
     def _jog(self, press: Press) -> None:
-        """Jog until the button is released; whatever else ends the jog ends the press too."""
+        """Jog until the button is released; any other end of the jog ends the press, too."""
         presses, events, title = self._service.presses, self._service.events, press.jog.title
 
         def released() -> bool:
@@ -238,11 +238,11 @@ class ConnectedMachine:
                 presses.end(failures[0] if failures else why)
 
     def make_stop(self) -> None:
-        """Make the stop that is asked for, if any.
+        """Make the requested stop, if any.
 
         Raises:
-            StopAskedError: meanwhile a greater stop is asked for.
-            BusError: an emergency stop has found a node that does not answer; it is still to be made.
+            StopRequestedError: a greater stop was requested meanwhile.
+            BusError: a node did not answer an emergency stop; it is still to be made.
         """
         asked = self._service.stops.answer()
         if asked is Stop.NONE:
@@ -265,7 +265,7 @@ class ConnectedMachine:
         self._service.events.warning("emergency stop: all drives are off and held until a reset")
 
     def _ask_slowly(self) -> None:
-        """Ask for what no node reports by itself, from time to time while nothing moves: questions disturb streams."""
+        """Query values that no node reports, from time to time at standstill: queries disturb streams."""
         session, now_s, service = self.session, time.monotonic(), self._service
         if now_s - self._slow_questions_s < _SLOWLY_S or session.streaming:
             return

@@ -1,4 +1,4 @@
-"""The guards of the service: who operates, how old a click may be, how long a button is held, what a stop ends.
+"""Guards of the service: operator, age of a click, duration of a held button, effect of a stop.
 
 All of them may be used from any thread. A client is any text that names a page.
 """
@@ -25,10 +25,10 @@ class Operator(NamedTuple):
 
 
 class OperatorPlace:
-    """The place of the one client that operates; another one takes it once that client gives up or is gone."""
+    """Place of the operator, for one client at a time; it becomes free when that client gives up or is gone."""
 
     def __init__(self, events: EventLog, changed: Callable[[], None]) -> None:
-        """Begin without an operator; `changed` is called when another client has the place, or none."""
+        """Start without an operator; `changed` is called when the operator changes."""
         self._events = events
         self._changed = changed
         self._holder: Operator | None = None
@@ -36,7 +36,7 @@ class OperatorPlace:
 
     @property
     def holder(self) -> Operator | None:
-        """The operator; None if there is none."""
+        """The operator; None without one."""
         return self._holder
 
     def is_operator(self, client: str) -> bool:
@@ -44,7 +44,7 @@ class OperatorPlace:
         return holder is not None and holder.client == client
 
     def require(self, client: str) -> None:
-        """Raise RefusedError unless a client operates the machine."""
+        """Raise RefusedError if a client does not operate the machine."""
         holder = self._holder
         if holder is None:
             raise RefusedError("nobody operates the machine: take the operator's place first")
@@ -52,7 +52,7 @@ class OperatorPlace:
             raise RefusedError(f"{holder.name} operates the machine until it gives up or its page is gone")
 
     def take(self, client: str, name: str) -> None:
-        """Operate the machine; raise RefusedError while another client does."""
+        """Become the operator; raise RefusedError while there is another one."""
         with self._lock:
             if self._holder is not None:
                 self.require(client)
@@ -62,7 +62,7 @@ class OperatorPlace:
         self._events.info(f"{name} operates the machine")
 
     def give_up(self, client: str) -> None:
-        """Stop operating the machine, as when a page is closed; a jog ends. Nothing happens to another's place."""
+        """Give up a client's place, as when a page is closed; its jog ends. Another client's place is not affected."""
         with self._lock:
             former = self._holder
             if former is None or former.client != client:
@@ -72,18 +72,18 @@ class OperatorPlace:
         self._events.info(f"{former.name} no longer operates the machine")
 
 
-# --- how old a click may be
+# --- age of a click
 
 AGE_MAX_S: Final = 1.0
-"""Age of the state that a page had shown beyond which its requests are refused: its operator saw another machine."""
-_KEPT_STATES: Final = 4096  # a minute, at 66 a second
+"""Largest age of the state that a page had shown with a request; older pages showed another machine."""
+_KEPT_STATES: Final = 4096  # a minute, at 66 states a second
 
 
 class ShownStates:
-    """The states that were published, by their numbers.
+    """Published states by number.
 
-    A request names the newest state that its page had shown when the operator asked for it. However long the network
-    holds the request up, its age is known by that, and whether the machine was stopped, or changed hands, after it.
+    A request has the number of the newest state that its page had shown then. So its age is known, however long the
+    network delays it. So is any stop, or change of the operator, after it.
     """
 
     def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
@@ -95,22 +95,22 @@ class ShownStates:
         self._lock = Lock()
 
     def add(self) -> int:
-        """Return the number of a state that is published now."""
+        """Return the number of a state published now."""
         with self._lock:
             self._times_s.append(self._now_s())
             self._next += 1
             return self._next - 1
 
     def void(self, why: str) -> None:
-        """Let whatever is requested from the states until now be void; `why` says what has happened."""
+        """Void requests from the states so far; `why` is the reason."""
         with self._lock:
             self._valid_from, self._why_void = self._next, why
 
     def require(self, number: int | None) -> float:
-        """Return when a state was published, on the clock of `time.monotonic`.
+        """Return the time of a state's publication, on the clock of `time.monotonic`.
 
         Raises:
-            RefusedError: as `require_young`, or a stop, a reset, another operator or another connection came since.
+            RefusedError: as `require_young`, or since then there was a stop, a reset, another operator or connection.
         """
         time_s = self.require_young(number)
         with self._lock:
@@ -119,12 +119,12 @@ class ShownStates:
         return time_s
 
     def require_young(self, number: int | None) -> float:
-        """Return when a state was published; raise RefusedError for none, or for one more than AGE_MAX_S old."""
+        """Return the time of a state's publication; raise RefusedError for none, or for one older than AGE_MAX_S."""
         with self._lock:
             first = self._next - len(self._times_s)
             if number is None or not 0 <= number < self._next:
                 raise RefusedError("the page had not shown the machine yet: look, and ask again")
-            time_s = self._times_s[max(0, number - first)]  # of one that is not kept: the oldest that is
+            time_s = self._times_s[max(0, number - first)]  # for a dropped one, the time of the oldest kept one
         age_s = self._now_s() - time_s
         if age_s > AGE_MAX_S:
             raise RefusedError(
@@ -133,25 +133,25 @@ class ShownStates:
         return time_s
 
 
-# --- how long a button is held
+# --- duration of a held button
 
-BEAT_S: Final = 0.08  # period at which a page repeats its beat
+BEAT_S: Final = 0.08  # period of a page's beats
 LEASE_S: Final = 0.25
-"""Time from the last beat to a press' end: two beats may be lost and the third late."""
+"""Time from the last beat to the end of a press: two beats may be lost and the third late."""
 EXPIRED: Final = "the page has fallen silent: press the button again"
 RELEASED: Final = "the button was released"
 
 
 @dataclass(slots=True, eq=False)
 class Press:
-    """A button that is held, or was.
+    """A press of a button, held or ended.
 
     Attributes:
-        client: the page.
+        client: page of the button.
         number: number of the press on this page.
-        jog: what it moves.
+        jog: motion of the press.
         served: True once the service's thread jogs for it.
-        over: why it is over; empty while it is held.
+        over: why it has ended; empty while it is held.
     """
 
     client: str
@@ -162,7 +162,7 @@ class Press:
 
     @property
     def in_vain(self) -> str:
-        """That nothing has moved, and why; empty if a stop or the like has ended the press, which says so itself."""
+        """Message that nothing has moved, with the reason; empty after a stop or the like, which is reported."""
         if self.over == EXPIRED:
             return f"{self.jog.title}: nothing has moved: {EXPIRED}"
         if self.over in ("", RELEASED):
@@ -171,21 +171,21 @@ class Press:
 
 
 class Presses:
-    """The one button that is held, and the presses that are over.
+    """The held button, and ended presses.
 
-    A button moves the machine while its page says, again and again, that it is held. Each press has a number; the
-    numbers of a client only count up. A press ends when the button is released, when no beat comes for the lease, or
-    when the service ends it. It is then dead for ever: beats that were held up on their way move nothing.
+    A button moves the machine while its page repeats that it is held. Each press has a number, which only increases for
+    a client. A press ends when the button is released, when no beat comes within the lease, or when the service ends
+    it. Its later beats, delayed on their way, move nothing.
     """
 
     def __init__(self, tell: Callable[[str], None], now_s: Callable[[], float] = time.monotonic) -> None:
-        """Begin without a press; `tell` gets the reason why a press was dropped before the machine moved."""
+        """Start without a press; `tell` gets the reason for a press dropped before the machine moved."""
         self._tell = tell
         self._now_s = now_s
         self._present: Press | None = None
         self._until_s = 0.0
         self._over: dict[str, tuple[int, str]] = {}
-        """Number of the last press of each client that is over, and why it is."""
+        """Number of each client's last ended press, and the reason."""
         self._lock = Lock()
 
     @property
@@ -194,7 +194,7 @@ class Presses:
             return self._held()
 
     def serve(self) -> Press | None:
-        """Return the press that is held now, which is served from now on; None without one."""
+        """Return the held press, now served; None without one."""
         with self._lock:
             held = self._held()
             if held is not None:
@@ -202,18 +202,18 @@ class Presses:
             return held
 
     def is_present(self, client: str, number: int) -> bool:
-        """Return whether this press is held now."""
+        """Return whether this press is held."""
         held = self.present
         return held is not None and (held.client, held.number) == (client, number)
 
     def require_new(self, client: str, number: int) -> None:
-        """Raise RefusedError, with why, if a press of this number is over."""
+        """Raise RefusedError, with the reason, if a press of this number has ended."""
         last, why = self._over.get(client, (-1, ""))
         if number <= last:
             raise RefusedError(why if number == last else RELEASED)
 
     def beat(self, client: str, number: int, jog: Jog) -> None:
-        """Begin a press, or hold it for another lease; raise RefusedError, with why, if it is over."""
+        """Begin a press, or extend its lease; raise RefusedError, with the reason, if it has ended."""
         with self._lock:
             held = self._held()
             self.require_new(client, number)
@@ -223,7 +223,7 @@ class Presses:
             self._until_s = self._now_s() + LEASE_S
 
     def release(self, client: str, number: int) -> str | None:
-        """End a press; one that has not come yet, too. Return why it was over before, None if it was not."""
+        """End a press, even before its first beat; return why it had ended before, None if it had not."""
         with self._lock:
             held = self._held()
             if held is not None and held.client == client and held.number <= number:
@@ -238,14 +238,14 @@ class Presses:
             self._end(why)
 
     def forget(self, client: str) -> None:
-        """Forget a client that is gone for ever; its press ends."""
+        """Remove a client that is gone forever; its press ends."""
         with self._lock:
             if self._present is not None and self._present.client == client:
                 self._end(RELEASED)
             self._over.pop(client, None)
 
     def _held(self) -> Press | None:
-        """Return the press that is held, once a lease that is over has ended it."""
+        """Return the held press, unless its lease has run out."""
         if self._now_s() > self._until_s:
             self._end(EXPIRED)
         return self._present
@@ -260,45 +260,44 @@ class Presses:
             self._tell(held.in_vain)
 
 
-# --- what a stop ends
+# --- effect of a stop
 
-_KEPT_PRESSES: Final = 1000  # presses of stop buttons that are known again when they come once more
+_KEPT_PRESSES: Final = 1000  # recent presses of stop buttons, to recognise copies
 
 
 class Stop(IntEnum):
-    """Way to stop; the greater one prevails."""
+    """Kinds of stop; the greater one prevails."""
 
     NONE = 0
     VOID = 1
-    """Leave what is done: the machine was stopped already, by another program or its own button."""
+    """Give up present work: another program, or the machine's own button, has stopped the machine."""
     STOP = 2
     """Stop by the quick stop ramp and hold the position."""
     EMERGENCY = 3
     """Stop, switch the power off and hold the drives until a reset."""
 
 
-class StopAskedError(Exception):
-    """A stop was asked for: the service's thread must leave what it does.
+class StopRequestedError(Exception):
+    """A stop was requested: the service's thread must give up its work.
 
-    It is no StepTwinError, since nobody may suppress it.
+    It is not a StepTwinError, so that no handler suppresses it.
     """
 
 
 class StopRequests:
-    """The stop that is asked for; it ends whatever the service's thread does, at its next frame or wait.
+    """The requested stop; it ends the work of the service's thread at its next frame or wait.
 
-    The thread that hears of it by StopAskedError may send frames again, since it stops; only a greater stop raises once
-    more.
+    After StopRequestedError the thread may send frames again to stop; only a greater stop raises once more.
     """
 
     def __init__(self) -> None:
         self._asked = Stop.NONE
-        self._answered = Stop.NONE  # the stop that the service's thread knows of
+        self._answered = Stop.NONE  # stop that the service's thread knows of
         self._presses: deque[str] = deque(maxlen=_KEPT_PRESSES)
         self._lock = Lock()
 
     def is_new(self, press: str) -> bool:
-        """Note the press of a button; return whether it was not known yet."""
+        """Register the press of a button; return True if it is new."""
         with self._lock:
             if press in self._presses:
                 return False
@@ -306,37 +305,37 @@ class StopRequests:
             return True
 
     def ask(self, stop: Stop) -> None:
-        """Ask for a stop; when this returns, no frame that the service's thread began before is still to be sent."""
+        """Request a stop; when this returns, the service's thread has sent any frame that it had begun."""
         with self._lock:
             self._asked = max(self._asked, stop)
 
     @property
     def asked(self) -> Stop:
-        """The stop that is asked for and not yet done."""
+        """The requested stop that has not been made."""
         return self._asked
 
     @contextmanager
     def sending(self) -> Iterator[None]:
-        """Let the service's thread send a frame; raise StopAskedError for a stop that it does not know of."""
+        """Allow the service's thread to send a frame; raise StopRequestedError for a stop that it does not know of."""
         with self._lock:
             if self._asked > self._answered:
                 self._answered = self._asked
-                raise StopAskedError("stopped" if self._asked is Stop.STOP else "emergency stop")
+                raise StopRequestedError("stopped" if self._asked is Stop.STOP else "emergency stop")
             yield
 
     def check(self) -> None:
-        """Raise StopAskedError as `sending` does."""
+        """Raise StopRequestedError as `sending` does."""
         with self.sending():
             pass
 
     def answer(self) -> Stop:
-        """Return the stop that is asked for, which the service's thread is going to make now."""
+        """Return the requested stop, which the service's thread is going to make."""
         with self._lock:
             self._answered = self._asked
             return self._asked
 
     def done(self, stop: Stop) -> None:
-        """Say that a stop has been made; a greater one that was asked for meanwhile is still to be made."""
+        """Register a stop as made; a greater one requested meanwhile remains."""
         with self._lock:
             if self._asked <= stop:
                 self._asked = self._answered = Stop.NONE

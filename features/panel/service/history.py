@@ -1,6 +1,6 @@
-"""The past: events in words, the last minutes of every joint, the planned path and the tool's trace.
+"""The past: a log of events, the last minutes of every joint, the planned path and the tool's trace.
 
-All of it may be used from any thread. Memory is bounded: the oldest goes first.
+All of it is thread-safe. Memory is bounded: the oldest entries are dropped first.
 """
 
 import time
@@ -16,11 +16,11 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 
-EVENTS_MAX: Final = 2000  # events that are kept
+EVENTS_MAX: Final = 2000  # number of kept events
 
 
 class Severity(StrEnum):
-    """Weight of an event: what was to be expected, what a user should look at, what has failed."""
+    """Severity of an event: expected, notable, or failed."""
 
     INFO = "info"
     WARNING = "warning"
@@ -29,7 +29,7 @@ class Severity(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something that has happened, in one line; its number counts up from 1 and is never used again."""
+    """An event in one line; its number counts up from 1 and is never used again."""
 
     number: int
     wall_s: float
@@ -38,7 +38,7 @@ class Event:
 
 
 class EventLog:
-    """Events in their order."""
+    """Events in order."""
 
     def __init__(self, wall_s: Callable[[], float] = time.time) -> None:
         self._wall_s = wall_s
@@ -50,7 +50,7 @@ class EventLog:
         self.error = partial(self.add, Severity.ERROR)
 
     def add(self, severity: Severity, text: str) -> None:
-        """Add an event that happens now."""
+        """Add an event with the present time."""
         with self._lock:
             self._count += 1
             self._events.append(Event(self._count, self._wall_s(), severity, text))
@@ -61,7 +61,7 @@ class EventLog:
 
     @property
     def span(self) -> tuple[int, int] | None:
-        """The numbers of the first and the last event; None without any."""
+        """Numbers of the first and the last event; None without any."""
         with self._lock:
             return (self._events[0].number, self._events[-1].number) if self._events else None
 
@@ -70,8 +70,8 @@ class EventLog:
             self._events.clear()
 
 
-TRACE_POINTS: Final = 4000  # points of the trace that are kept
-TRACE_STEP_MM: Final = 0.5  # least distance of two points of the trace: less than a pixel
+TRACE_POINTS: Final = 4000  # number of kept points of the trace
+TRACE_STEP_MM: Final = 0.5  # least distance of two points of the trace, below a pixel
 _NOTHING: Final = np.empty((0, 3))
 
 
@@ -79,8 +79,8 @@ class Drawing:
     """The planned path and the tool's trace, in mm.
 
     Attributes:
-        path_mm: the path of the motion that was looked at or run last, shape (n, 3); empty without one.
-        version: number of changes of the path and of clearings of the trace: pages draw anew what has another number.
+        path_mm: path of the motion last previewed or run, shape (n, 3); empty without one.
+        version: number of changes of the path and of clearings of the trace; pages redraw when it changes.
     """
 
     def __init__(self) -> None:
@@ -91,12 +91,12 @@ class Drawing:
 
     @property
     def trace_mm(self) -> FloatArray:
-        """Places of the tool since the trace was cleared, shape (n, 3)."""
+        """Positions of the tool since the trace was cleared, shape (n, 3)."""
         with self._lock:
             return np.array(self._trace_mm) if self._trace_mm else _NOTHING
 
     def show_path(self, path_mm: FloatArray) -> None:
-        """Show a planned path, shape (n, 3)."""
+        """Set the planned path, shape (n, 3)."""
         with self._lock:
             self.path_mm = path_mm
             self.version = self.version[0] + 1, self.version[1]
@@ -105,7 +105,7 @@ class Drawing:
         self.show_path(_NOTHING)
 
     def follow(self, pose: Mapping[str, float] | None) -> None:
-        """Lengthen the trace to the tool's pose, unless this is unknown or hardly away from the trace's end."""
+        """Extend the trace to the tool's pose, unless it is unknown or close to the trace's end."""
         if pose is None:
             return
         point = tuple(pose[key] for key in ("x_mm", "y_mm", "z_mm"))
@@ -114,13 +114,13 @@ class Drawing:
                 self._trace_mm.append(point)
 
     def clear_trace(self) -> None:
-        """Forget where the tool was."""
+        """Clear the trace."""
         with self._lock:
             self._trace_mm.clear()
             self.version = self.version[0], self.version[1] + 1
 
 
-HISTORY_SAMPLES: Final = 12_000  # samples that are kept: five minutes at 40 a second
+HISTORY_SAMPLES: Final = 12_000  # number of kept samples: five minutes at 40 a second
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,7 +154,7 @@ class History:
             self._samples.append((t_s, np.stack((positions, rates, following_errors))))
 
     def since(self, t_s: float = float("-inf")) -> HistorySamples:
-        """Return the samples after a time, all by default."""
+        """Return the samples after a time; by default all."""
         with self._lock:
             kept = [sample for sample in self._samples if sample[0] > t_s]
         times = np.array([time_s for time_s, _ in kept])

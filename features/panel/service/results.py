@@ -1,10 +1,9 @@
 """Results of runs, and the data of their pictures.
 
-A position is reported without a time of the motion, and a pause or a computer that is too slow delays it by any amount.
-But the axis also reports which record it executes, and both frames have the time when they were on the bus. The
-motion never gets ahead of that clock, or of the clock at the highest speed that it was given on the way, so the
-motion's time of each position lies between two bounds. They are some 20 ms apart, through pauses as well: one record of
-10 ms, and the time for which a report may wait for the bus.
+A reported position has no motion time, and pauses or a slow computer delay the motion by any amount. But the axis also
+reports its present record, and both frames have their bus time. The motion never runs ahead of that clock, scaled by
+the highest speed override. So the motion time of each position has two bounds. They are some 20 ms apart, even through
+pauses: one record of 10 ms, and the time for which a report may wait for the bus.
 """
 
 import time
@@ -30,11 +29,11 @@ from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from steptwin.protocol.pvt import SEQUENCE_MODULUS, VELOCITY_PER_UNIT_PER_MS, PvtStatus
 
 REPORTS_MAX: Final = 1024
-"""Reports of each kind that are kept of an axis: more than a picture shows."""
+"""Number of reports of each kind kept of an axis: more than a picture shows."""
 
 
 class Thinned:
-    """A list of times and whole numbers that keeps each, or each second, fourth ..., so that it stays short."""
+    """A list of times and whole numbers that stays short: it keeps each, or each second, fourth ... entry."""
 
     def __init__(self) -> None:
         self.items: list[tuple[float, int]] = []
@@ -51,11 +50,11 @@ class Thinned:
 
 
 class AxisReports:
-    """The reports of one axis during a motion, each with the time when it was on the bus.
+    """Reports of one axis during a motion, with their bus times.
 
     Attributes:
-        places: the positions reported by TPDO1, in wire units.
-        records: the numbers, from 0 on, of the records that TPDO3 reports as executed.
+        places: positions from TPDO1, in wire units.
+        records: numbers, from 0 on, of executed records from TPDO3.
     """
 
     def __init__(self) -> None:
@@ -64,33 +63,33 @@ class AxisReports:
         self._executing = 0
 
     def take_place(self, time_s: float, data: bytes) -> None:
-        """Take a TPDO1; raise ValueError if it is none."""
+        """Add a TPDO1; raise ValueError for other data."""
         self.places.add(time_s, DriveStatus.decode(data).position_units)
 
     def take_record(self, time_s: float, data: bytes) -> None:
-        """Take a TPDO3, which tells the record's number modulo 256; raise ValueError if it is none."""
+        """Add a TPDO3, which has the record's number modulo 256; raise ValueError for other data."""
         ahead = (PvtStatus.decode(data).executing - self._executing) % SEQUENCE_MODULUS
-        if ahead < SEQUENCE_MODULUS // 2:  # otherwise it is an old one
+        if ahead < SEQUENCE_MODULUS // 2:  # otherwise it is an old record
             self._executing += ahead
             self.records.add(time_s, self._executing)
 
 
 _QUEUED_S: Final = 0.005
-"""Longest time for which a report waits for the bus."""
+"""Longest wait of a report for the bus."""
 _RATE_MAX: Final = 1.0005
-"""Seconds of the motion in a second of the bus' clock, at most: two quartz crystals differ by less."""
+"""Largest motion seconds per second of the bus' clock: two quartz crystals differ by less."""
 _LOOKS: Final = 33
 """Number of instants between the bounds where a report is compared with the plan."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Placed:
-    """Positions of an axis during a motion; the last place is where it stood after the end.
+    """Positions of an axis during a motion; the last one is after its end.
 
     Attributes:
-        t_s: the motion's time of each report: of those that are possible the one where the plan is nearest.
-        units: the positions reported, in wire units.
-        error_steps: how far each is from the plan at every time that is possible, in steps; 0 if the plan passes there.
+        t_s: motion time of each report: the possible one with the smallest error.
+        units: reported positions in wire units.
+        error_steps: least distance in steps from the plan within the bounds; 0 if the plan passes there.
     """
 
     t_s: FloatArray
@@ -99,7 +98,7 @@ class Placed:
 
 
 def placed(outcome: LiveOutcome, reports: tuple[AxisReports, ...], *, faster: bool = False) -> tuple[Placed, ...]:
-    """Return where each axis was during the last repetition of a run, which may have run `faster` than planned."""
+    """Return the positions of each axis in a run's last repetition; `faster` if it may have run above planned speed."""
     rate_max = _RATE_MAX * (highest_speed(outcome.plan).percent / 100 if faster else 1)
     return tuple(
         _placed(outcome.plan, axis, reported, end.end_units, rate_max)
@@ -119,14 +118,14 @@ def _placed(plan: Plan, axis: int, reports: AxisReports, end_units: int, rate_ma
     t_s = looks_s[np.arange(units.size), nearest]
     error_units = units - np.clip(units, planned.min(axis=1), planned.max(axis=1))
     return Placed(
-        np.maximum.accumulate(t_s),  # in their order, also where the plan turns back
+        np.maximum.accumulate(t_s),  # keep their order even where the plan reverses
         units,
         error_units * plan.robot.axes[axis].transmission.microsteps / UNITS_PER_FULL_STEP,
     )
 
 
 def time_bounds(plan: Plan, reports: AxisReports, rate_max: float = _RATE_MAX) -> tuple[FloatArray, FloatArray]:
-    """Return the least and the greatest time of the motion, in seconds, when each position can have been taken."""
+    """Return the least and the greatest possible motion time of each position, in seconds."""
     begins_s = plan.times_ms / 1000
     place_s, _ = _columns(reports.places)
     record_s, numbers = _columns(reports.records)
@@ -138,7 +137,7 @@ def time_bounds(plan: Plan, reports: AxisReports, rate_max: float = _RATE_MAX) -
     clock_s = rate_max * (at_s[order] - at_s[order][:1])
     lower_s, upper_s = lower_s[order], upper_s[order]
     upper_s = np.minimum.accumulate(upper_s - clock_s) + clock_s  # not ahead of the clock since an earlier report
-    upper_s = np.minimum.accumulate(upper_s[::-1])[::-1]  # nor beyond where a later one still was
+    upper_s = np.minimum.accumulate(upper_s[::-1])[::-1]  # nor beyond a later report's position
     lower_s = np.maximum.accumulate((lower_s - clock_s)[::-1])[::-1] + clock_s
     lower_s = np.maximum.accumulate(lower_s)
     positions = np.argsort(order, kind="stable")[: place_s.size]
@@ -158,16 +157,16 @@ RESULTS_MAX: Final = 20
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Result:
-    """A run that has ended.
+    """An ended run.
 
     Attributes:
         number: counts up from 1.
-        wall_s: when it ended, in seconds since 1970.
+        wall_s: time of its end in seconds since 1970.
         name: name of the motion.
         passed: True if every axis ended at the planned step; None if the run was stopped or failed.
-        why: why it was stopped or failed, in one line; None otherwise.
+        why: reason of a stop or failure, in one line; otherwise None.
         outcome: plan, end of each axis and waits; None if the run was stopped or failed.
-        placed: where each axis was during the last repetition; empty if the run was stopped or failed.
+        placed: positions of each axis in the last repetition; empty if the run was stopped or failed.
     """
 
     number: int
@@ -180,19 +179,19 @@ class Result:
 
 
 class RunResults:
-    """The last runs that have ended, and what the axes report during the one that goes on; any thread may read them."""
+    """The last ended runs, and the axes' reports during the present one; thread-safe."""
 
     def __init__(self) -> None:
         self._collected: tuple[AxisReports, ...] = ()
-        """What each axis has reported since `begin`; nothing while none runs."""
+        """Reports of each axis since `begin`; empty without a run."""
         self._faster = False
-        """True once the run that goes on was seen to be faster than planned."""
+        """True once the present run was faster than planned."""
         self._numbers = count(1)
         self._results: deque[Result] = deque(maxlen=RESULTS_MAX)
         self._lock = Lock()
 
     def listen(self, session: Session) -> None:
-        """Listen to the axes of a session, as long as its link is open."""
+        """Listen to the axes of a session while its link is open."""
         for number, axis in enumerate(session.machine.axes):
             for cob_id, take in ((COB_TPDO[0], AxisReports.take_place), (COB_TPDO[2], AxisReports.take_record)):
                 session.link.network.subscribe(cob_id + axis.node_id, partial(self._received, number, take))
@@ -203,10 +202,10 @@ class RunResults:
         collected = self._collected
         if collected:
             with suppress(ValueError):
-                take(collected[axis], time_s or time.monotonic(), bytes(data))  # some interfaces tell no time
+                take(collected[axis], time_s or time.monotonic(), bytes(data))  # some interfaces give no time
 
     def begin(self, axes: int) -> None:
-        """Collect reports from now on, and forget what was collected before."""
+        """Start to collect reports; drop earlier ones."""
         self._collected = tuple(AxisReports() for _ in range(axes))
         self._faster = False
 
@@ -214,7 +213,7 @@ class RunResults:
         self._faster = True
 
     def end(self, name: str, outcome: LiveOutcome | None, why: str | None) -> None:
-        """Keep a run that has ended, with its outcome or with the reason why it has none; collect no more."""
+        """Store an ended run with its outcome or the reason for none; stop collecting."""
         reports, self._collected = self._collected, ()
         result = Result(
             number=next(self._numbers),

@@ -1,4 +1,4 @@
-"""The machine service: what pages read and request, and the one thread that owns the bus. One in a process."""
+"""The machine service: states and requests of pages, and the one thread that owns the bus. One in a process."""
 
 import logging
 import time
@@ -18,7 +18,7 @@ from steptwin.features.panel.service.guards import (
     Presses,
     ShownStates,
     Stop,
-    StopAskedError,
+    StopRequestedError,
     StopRequests,
 )
 from steptwin.features.panel.service.history import Drawing, EventLog, History
@@ -42,7 +42,7 @@ _SILENT: Final = f"no report from the machine for {SILENT_S:g} s"
 _RETRY_S: Final = 0.3
 """Time between two attempts to connect."""
 _LOST_S: Final = 1.0
-"""Silence after which the thread connects anew."""
+"""Silence until the thread reconnects."""
 
 
 class Order(NamedTuple):
@@ -55,25 +55,25 @@ class Order(NamedTuple):
 class MachineService:
     """A machine that any number of pages watch and one of them operates; thread-safe, and no call waits for the bus.
 
-    A page is a client, under a text of its own. It reads `snapshot`, `history`, `events`, `drawing`, `settings` and
+    A page is a client with a name of its own. It reads `snapshot`, `history`, `events`, `drawing`, `settings` and
     `results`. To move the machine it becomes the operator (`operator.take`), then requests commands or holds a jog by
-    beats. Everybody may stop at any time.
+    beats. Every client may stop at any time.
 
-    Beside its thread all write `events` and `drawing`; its thread alone writes `latest` (the newest snapshot that was
-    published), `session` and `telemetry` (None while not connected), `outputs` (as last read), `activity` (what the
-    service makes the machine do) and `simulated`. `emergency_stopped` is True from an emergency stop until the reset.
+    All threads write `events` and `drawing`. The service's thread alone writes `latest` (newest published snapshot),
+    `session` and `telemetry` (None while not connected), `outputs` (last read), `activity` (its present work) and
+    `simulated`. `emergency_stopped` is True from an emergency stop until the reset.
     """
 
     def __init__(
         self, connection: Connection, robot: Robot, *, control: tuple[str, int] | None = None, force: bool = False
     ) -> None:
-        """Serve the machine of this robot's file from `start` on.
+        """Create the service of a machine with this robot's file; `start` connects it.
 
         Args:
             connection: the bus.
             robot: the machine on it.
             control: host and port of a served board's control port, for its load and lateness; None without one.
-            force: go on although the board carries another robot's name.
+            force: True to accept a board with another robot's name.
         """
         self.events: EventLog = EventLog()
         self.history: History = History(len(robot.joints))
@@ -104,43 +104,43 @@ class MachineService:
             self._threads.append(Thread(target=self._follow_board, args=(follow,), name="board figures", daemon=True))
 
     def start(self) -> None:
-        """Connect, again and again until `close`."""
+        """Connect, repeatedly until `close`."""
         for thread in self._threads:
             thread.start()
 
     def close(self) -> None:
-        """End the connection; what the service makes the machine do stops first."""
+        """Close the connection; the service's own motions stop first."""
         self._closing.set()
         if self.activity is not None:
             self.stops.ask(Stop.STOP)
         for thread in self._threads:
             thread.join()
 
-    # --- what pages read
+    # --- states for pages
 
     @property
     def robot(self) -> Robot:
-        """The machine, with the limits that the settings have now: plan for this one."""
+        """The machine with the limits of the present settings; plan for this one."""
         return self.limits.robot
 
     @property
     def settings(self) -> tuple[Setting, ...]:
-        """The settings as last read; empty before the first connection."""
+        """Settings as last read; empty before the first connection."""
         return self.limits.settings
 
     @property
     def results(self) -> tuple[Result, ...]:
-        """The last runs that have ended, the newest last."""
+        """Last ended runs, the newest last."""
         return self.runs.all()
 
     @property
     def snapshot(self) -> Snapshot:
-        """The machine now; a new one comes at least 30 times a second while it moves.
+        """Present state of the machine; a new one comes at least 30 times a second while it moves.
 
-        It is not connected if the axes have fallen silent since.
+        It is not connected if the axes have been silent since.
         """
         latest, own, holder = self.latest, self.activity, self.operator.holder
-        activity = latest.activity  # which may have ended, or something else begun, since it was published
+        activity = latest.activity  # the activity may have changed since it was published
         if own is None or activity is None or activity.name != own.name:
             activity = own or (activity if activity and activity.foreign else None)
         lost = latest.connected and (self.telemetry is None or self.telemetry.silent)
@@ -153,12 +153,12 @@ class MachineService:
             activity=None if lost else activity,
         )
 
-    # --- for the operator
+    # --- requests of the operator
 
     def require_shown(self, name: str, shown: int | None) -> None:
-        """Raise RefusedError, with why, if the page that requests something has not shown the present state.
+        """Raise RefusedError, with the reason, if the requesting page has not shown the present state.
 
-        `name` says what is requested, `shown` is the number of the newest snapshot that the page had shown then.
+        `name` is the request's title, `shown` the number of the newest snapshot that the page had shown then.
         """
         try:
             self.shown.require(shown)
@@ -166,16 +166,16 @@ class MachineService:
             raise RefusedError(f"{name}: {error}") from error
 
     def ask(self, client: str, command: Command, shown: int | None) -> None:
-        """Let the machine carry out a command; return at once. How it ends is in `events`, and `results` for a run.
+        """Request a command; return at once. Its result appears in `events`, and in `results` for a run.
 
         Args:
             client: the page.
-            command: what the operator wants.
-            shown: number of the newest snapshot that the page had shown when he asked for it; None before the first.
+            command: the command.
+            shown: number of the newest snapshot that the page had shown then; None before the first.
 
         Raises:
-            RefusedError: nothing happens, and why: the client is not the operator; the command comes more than a second
-                late, or was asked for before a stop, a reset, or another operator or connection; it is wrong; the
+            RefusedError: with the reason; nothing happens. The client is not the operator; the command comes more than
+                a second late, or from before a stop, a reset, or another operator or connection; it is invalid; the
                 machine is not connected, is busy, is held by an emergency stop, or not homed.
         """
         self.operator.require(client)
@@ -186,14 +186,14 @@ class MachineService:
         self.order(Order(command, shown))
 
     def beat(self, client: str, press: int, jog: Jog, shown: int | None) -> None:
-        """Begin a jog or hold it: call this when a button is pressed and every 80 ms (`guards.BEAT_S`) after that.
+        """Begin a jog or extend it: call this when a button is pressed and every 80 ms (`guards.BEAT_S`) after that.
 
         The machine stops 250 ms (`guards.LEASE_S`) after the last beat. Each press has a number, greater than all
-        before on this client; a press that is over stays so. `shown` is the number of the newest snapshot that the page
+        before on this client; an ended press stays ended. `shown` is the number of the newest snapshot that the page
         had shown when it sent the beat.
 
         Raises:
-            RefusedError: nothing moves, and why: as `ask`, or because the press is over.
+            RefusedError: with the reason, as `ask`, or because the press has ended; nothing moves.
         """
         self.operator.require(client)
         if not self.presses.is_present(client, press):
@@ -202,29 +202,29 @@ class MachineService:
         else:
             try:
                 self.shown.require_young(shown)
-            except RefusedError as error:  # the release would come too late as well
+            except RefusedError as error:  # the release would be late, too
                 late = f"{jog.title}: {error}"
                 self.presses.end(late)
                 raise RefusedError(late) from error
         self.presses.beat(client, press, jog)
 
     def release(self, client: str, press: int) -> str | None:
-        """End a jog: the button is released, the page is left or loses the focus. Never raises.
+        """End a jog when the button is released, or the page is left or loses the focus. Never raises.
 
         Return why the jog had ended before; None if it had not.
         """
         return self.presses.release(client, press)
 
     def resume(self, client: str, shown: int | None) -> None:
-        """Let a paused trajectory go on; raise RefusedError as `ask`, or if none is paused."""
+        """Continue a paused trajectory; raise RefusedError as `ask`, or if none is paused."""
         send_resume(self._running(client, "resume", "resume", shown))
         self.events.info("resumed")
 
     def change_speed(self, client: str, percent: int, shown: int | None) -> None:
-        """Let the trajectory that runs be slower or faster, in percent of its planned speed; return at once.
+        """Request a speed of the running trajectory, in percent of its planned speed; return at once.
 
-        Raise RefusedError as `resume`, or if no motion may have this speed. What the motion's own limits do not allow
-        is told in `events`.
+        Raise RefusedError as `resume`, or for a speed that no motion may have. If the motion's own limits do not allow
+        the speed, `events` has a line about it.
         """
         self._running(client, "speed", "make slower or faster", shown)
         assert shown is not None
@@ -235,7 +235,7 @@ class MachineService:
         self.speed.ask(percent, shown)
 
     def _running(self, client: str, name: str, what: str, shown: int | None) -> Sequence[AxisClient]:
-        """Return the axes of the trajectory that the operator may change; raise RefusedError if there is none."""
+        """Return the axes of the trajectory that the operator may change; raise RefusedError without one."""
         self.operator.require(client)
         self.require_shown(name, shown)
         if self.emergency_stopped:
@@ -243,7 +243,7 @@ class MachineService:
         return self._executing(what)
 
     def _executing(self, what: str) -> Sequence[AxisClient]:
-        """Return the axes that execute a trajectory, in motion or not; raise RefusedError if there is none."""
+        """Return the axes that execute a trajectory, moving or not; raise RefusedError without one."""
         session = self.session
         axes = [axis for axis in session.machine.axes if axis.interpolating] if session else []
         if not axes:
@@ -251,7 +251,7 @@ class MachineService:
         return axes
 
     def _require(self, request: Request, shown: int | None) -> None:
-        """Raise RefusedError, with the first reason, unless the machine can do now what is requested."""
+        """Raise RefusedError, with the first reason, if the machine cannot execute a request now."""
         name, snapshot = request.title, self.snapshot
         if not snapshot.connected:
             raise RefusedError(f"{name}: not connected: {snapshot.why_not}")
@@ -280,10 +280,10 @@ class MachineService:
         self.shown.void("the operator changed")
         self.presses.end("another client operates the machine")
 
-    # --- for everybody, at any time
+    # --- requests of any client at any time
 
     def pause(self, by: str = "a client") -> None:
-        """Halt the trajectory that runs, on its path; raise RefusedError if there is none."""
+        """Pause the running trajectory on its path; raise RefusedError without one."""
         send_pause(self._executing("pause"))
         self.events.info(f"paused by {by}")
 
@@ -291,10 +291,10 @@ class MachineService:
         """Stop all axes together; they hold their positions. Arguments and result are those of `emergency_stop`."""
         self.shown.void("a stop came")
         self.presses.end("stopped")
-        self.drop()  # before the stop is asked for, or it could begin once the stop is made
+        self.drop()  # first, otherwise the trajectory could continue after the stop
         if self.session is None:
             self.events.error(f"stop by {by}: not connected; {UNSURE}")
-            return False  # the press is not known then: its copy that comes later stops the machine
+            return False  # the press is unknown then: its later copy stops the machine
         if press is not None and not self.stops.is_new(press):
             return self.snapshot.connected
         self.stops.ask(Stop.STOP)
@@ -304,15 +304,15 @@ class MachineService:
     def emergency_stop(self, by: str = "a client", press: str | None = None) -> bool:
         """Stop all axes at once and switch their power off, until a reset.
 
-        The quick stop is sent from the calling thread. Without a connection it is made as soon as there is one again.
+        The calling thread sends the quick stop. Without a connection it is made at the next connection.
 
         Args:
-            by: whom the events name.
-            press: name of the press of a button. A page sends a press again and again, on two ways, until it has an
-                answer: the first that comes stops the machine, and the others change nothing, also after a reset.
+            by: name for the events.
+            press: name of the press of a button. A page repeats a press, by two paths, until it has an answer: the
+                first copy stops the machine, and the others change nothing, even after a reset.
 
         Returns:
-            Whether the machine was connected, so that it has been told.
+            True if the machine was connected and has received the stop.
         """
         if press is not None and not self.stops.is_new(press):
             return self.snapshot.connected
@@ -333,21 +333,21 @@ class MachineService:
         return self.snapshot.connected
 
     def gone(self, client: str) -> None:
-        """Say that a page is closed for ever: its jog ends, and it no longer operates the machine."""
+        """Remove a client whose page is closed forever: its jog ends, and it no longer operates the machine."""
         self.operator.give_up(client)
         self.presses.forget(client)
 
-    # --- what waits for the service's thread, and what that does
+    # --- work of the service's thread
 
     def begin(self, name: str, fraction: float | None, waits_for: str = "") -> None:
-        """Say what the machine does, which part is done, None for a jog without an end, and for what it waits."""
+        """Set the present activity: fraction done, None for a jog without an end, and the input that it waits for."""
         self.activity = Activity(name, fraction, waits_for=waits_for)
 
     def end(self) -> None:
         self.activity = None
 
     def order(self, order: Order) -> None:
-        """Let a command wait for the service's thread; raise RefusedError if that is busy."""
+        """Queue a command for the service's thread; raise RefusedError if it is busy."""
         title = order.command.title
         with self._lock:
             if self.activity is not None:
@@ -356,7 +356,7 @@ class MachineService:
             self.begin(title, 0.0)
 
     def take(self) -> Order | Press | None:
-        """Return the command that waits, else the press that is held, else None."""
+        """Return the waiting command, else the held press, else None."""
         with self._lock:
             order, self._order = self._order, None
             if order is not None:
@@ -367,7 +367,7 @@ class MachineService:
             return press
 
     def drop(self) -> None:
-        """Drop a command that waits, and a speed; one that is carried out goes on."""
+        """Drop a waiting command and a requested speed; a command in progress continues."""
         self.speed.drop()
         with self._lock:
             if self._order is not None:
@@ -381,9 +381,9 @@ class MachineService:
                 self._serve()
             except StepTwinError as error:
                 why = operator_message(error)
-            except StopAskedError:
+            except StopRequestedError:
                 continue  # while connecting: stop first
-            except Exception as error:  # a fault of this program: nobody may be left without a service
+            except Exception as error:  # an error of this program must not leave users without a service
                 _LOGGER.exception("the machine service has failed")
                 why = f"internal error: {error}"
             self.latest = replace(
@@ -411,7 +411,7 @@ class MachineService:
             began_s = time.monotonic()
             try:
                 while not self._closing.is_set():
-                    with suppress(StopAskedError):  # which the next turn makes
+                    with suppress(StopRequestedError):  # made by the next turn
                         connected.turn()
                     if time.monotonic() - max(connected.publisher.telemetry.heard_s, began_s) > _LOST_S:
                         raise BusError(f"{title}: the machine has fallen silent")
@@ -441,20 +441,20 @@ def _busy(name: str, activity: str) -> str:
 
 _FIGURES_S: Final = 0.5
 _RECENT: Final = 10
-"""Number of answers over which it is told which part of the time the board's clock has stood: five seconds."""
+"""Number of answers, five seconds, for the percentage of time with a stopped clock."""
 
 
 class ClockWatch:
-    """Watches how a served board's clock stands since the computer is too slow, and tells of it in the events."""
+    """Watches the clock of a served board, which stops on a slow computer, and logs it in the events."""
 
     def __init__(self, events: EventLog) -> None:
         self._events = events
         self._slowness = Slowness()
         self._recent: deque[tuple[float, float]] = deque(maxlen=_RECENT + 1)
-        """The instant of each answer in seconds, and for how long the clock had stood by then in ms."""
+        """Time of each answer in seconds, and the total standstill of the clock in ms."""
 
     def percent(self, now_s: float, stood: ClockStood) -> float:
-        """Return in percent for how much of the last seconds the clock has stood, 0 at the first answer."""
+        """Return the percentage of the last seconds with a stopped clock; 0 at the first answer."""
         if self._recent and stood.total_ms < self._recent[-1][1]:  # another board
             self._recent.clear()
             self._slowness = Slowness()

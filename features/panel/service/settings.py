@@ -1,4 +1,4 @@
-"""The settings that a page shows and changes: those of the board, and limits that this panel alone keeps."""
+"""Settings that a page shows and changes: those of the board, and limits of this panel alone."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -13,18 +13,18 @@ from steptwin.protocol import od
 
 @dataclass(frozen=True, slots=True)
 class DriveSetting:
-    """A setting that each axis has.
+    """A setting of each axis.
 
     Attributes:
         key: its name.
-        title: what it is, in plain words.
+        title: its title in plain words.
         unit: its unit.
-        address: the entry of the object dictionary that holds it.
-        per_unit: the entry's value for a value of 1.
-        lower: least value.
+        address: its entry in the object dictionary.
+        per_unit: value of the entry for a setting of 1.
+        lower: lowest value.
         upper: highest value.
-        choices: the values that it may have; empty if it may have any from `lower` to `upper`.
-        shared: True if it is of the whole machine, the same for all axes.
+        choices: allowed values; empty for any from `lower` to `upper`.
+        shared: True if all axes have the same value.
     """
 
     key: str
@@ -38,7 +38,7 @@ class DriveSetting:
     shared: bool = False
 
     def check(self, value: float) -> None:
-        """Raise InputError, with the nearest valid choice, unless the setting may have this value."""
+        """Raise InputError, with the nearest valid choice, for a value that is not allowed."""
         if self.choices and value not in self.choices:
             passing = ", ".join(f"{choice:g}" for choice in self.choices)
             raise InputError(f"{self.key}: {value:g} {self.unit} is not one of {passing} {self.unit}")
@@ -49,12 +49,12 @@ class DriveSetting:
         return tuple(axis.read(self.address) / self.per_unit for axis in session.machine.axes)
 
     def write(self, session: Session, value: float, joint: str | None = None) -> None:
-        """Write the value of one joint's axis, or of all.
+        """Write the value to one joint's axis, or to all.
 
         Raises:
-            InputError: the setting cannot have this value, there is no such joint, or a trajectory runs.
+            InputError: the value is not allowed, the joint does not exist, or a trajectory runs.
             DeviceFaultError: the board refuses the value.
-            BusError: another program is in charge, or a node does not answer.
+            BusError: another program has the lease, or a node does not answer.
         """
         self.check(value)
         axes = session.machine.axes if joint is None else (session.machine.axes[session.robot.axis_index(joint)],)
@@ -64,11 +64,11 @@ class DriveSetting:
 
 
 _CURRENTS: Final = (20.0, 50.0, 75.0, 100.0)
-"""Parts of the full current that the driver's pins TQ1 and TQ2 select (TB6560AHQ datasheet, page 10)."""
+"""Percentages of the full current that the driver's pins TQ1 and TQ2 select (TB6560AHQ datasheet, page 10)."""
 _DECAYS: Final = (0.0, 25.0, 50.0, 100.0)
 """Fast decay that its pins DCY1 and DCY2 select (page 10)."""
 _SUPPLY_V: Final = (10.0, 34.0)
-"""Motor supply as the board limits it after power-up: a stricter limit may be set, a looser one not."""
+"""Limits of the motor supply after power-up: stricter ones may be set, looser ones not."""
 
 DRIVE_SETTINGS: Final = (
     DriveSetting("torque", "Current in motion", "%", od.TORQUE_PERCENT, 1, 20, 100, _CURRENTS),
@@ -80,16 +80,16 @@ DRIVE_SETTINGS: Final = (
         "temperature_max", "Highest board temperature", "degC", od.BOARD_TEMPERATURE_MAX, 10, 20, 85, shared=True
     ),
 )
-"""All of them."""
+"""All settings of axes."""
 
 
 def drive_settings(robot: Robot) -> tuple[DriveSetting, ...]:
-    """Return the settings that a robot's board has: currents are set at drivers that have switches for them."""
+    """Return the settings of a robot's board: currents are set at drivers that have switches for them."""
     return tuple(setting for setting in DRIVE_SETTINGS if setting.shared or not robot.board.profile.switched)
 
 
 def drive_setting(key: str, robot: Robot) -> DriveSetting:
-    """Return a setting by its name; raise InputError if a robot's board has none of this name."""
+    """Return a setting by name; raise InputError if the robot's board does not have it."""
     found = {setting.key: setting for setting in drive_settings(robot)}
     if key not in found:
         raise unknown("setting", key, found)
@@ -102,14 +102,14 @@ class Setting:
 
     Attributes:
         key: its name for `WriteSettings`, such as `th2.speed_max`.
-        joint: the joint to which it belongs; None for one of the whole machine.
-        title: what it is, in plain words.
+        joint: its joint; None for one of the whole machine.
+        title: its title in plain words.
         unit: unit of value and limits.
-        value: the present value.
-        lower: least value that is allowed.
-        upper: highest value that is allowed.
-        choices: the values that are allowed; empty if all from `lower` to `upper` are.
-        stored: True if the board has it, False if only this panel keeps it.
+        value: present value.
+        lower: lowest allowed value.
+        upper: highest allowed value.
+        choices: allowed values; empty for any from `lower` to `upper`.
+        stored: True if the board stores it, False if only this panel does.
     """
 
     key: str
@@ -129,12 +129,12 @@ _LIMITS: Final = {"speed_max": "Highest speed", "lower": "Lower limit", "upper":
 
 @dataclass(slots=True)
 class MachineSettings:
-    """The robot's limits and all settings; the service's thread writes them, any thread may read them.
+    """The robot's limits and all settings; the service's thread writes them, any thread reads them.
 
     Attributes:
-        file: the robot as its file is.
-        robot: the robot with the limits that the settings have now, none of them looser.
-        settings: all settings as last read; empty before the first connection.
+        file: robot of the file.
+        robot: robot with the limits of the present settings, none of them looser.
+        settings: settings as last read; empty before the first connection.
     """
 
     file: Robot
@@ -146,7 +146,7 @@ class MachineSettings:
         self.settings = (*self._limits(), *_of_board(session))
 
     def check(self, values: Mapping[str, float]) -> None:
-        """Raise InputError, with the nearest valid choice, unless settings of these keys may have these values."""
+        """Raise InputError, with the nearest valid choice, for values that are not allowed."""
         if not values:
             raise InputError("settings: none is given")
         self._limited(values)
@@ -173,7 +173,7 @@ class MachineSettings:
                 yield Setting(key, joint.name, title, unit, value, lower, upper, (), stored=False)
 
     def _range(self, name: str, field: str) -> tuple[float, float, str]:
-        """Return the values that a limit of a joint may have, with their unit: no homing is faster than a joint."""
+        """Return the allowed range of a joint's limit, with its unit: no homing is faster than its joint."""
         joint = self.file.joint(name)
         if field == "speed_max":
             lower = joint.homing.search_speed if joint.homing else joint.speed_max / 1000
@@ -181,7 +181,7 @@ class MachineSettings:
         return joint.lower, joint.upper, str(joint.unit)
 
     def _limited(self, values: Mapping[str, float]) -> Robot:
-        """Return the robot with other limits; raise InputError if they are looser than the file's or fit nothing."""
+        """Return the robot with other limits; raise InputError if they are looser than the file's or contradictory."""
         joints = {joint.name: joint for joint in self.robot.joints}
         for key, value in values.items():
             name, field = self._split(key)
@@ -193,7 +193,7 @@ class MachineSettings:
         return replace(self.robot, joints=tuple(joints.values()))
 
     def _of_drives(self, values: Mapping[str, float]) -> Iterator[tuple[DriveSetting, str | None, float]]:
-        """Yield the board's settings among some, each with its joint, or None, and its value."""
+        """Yield the board's settings among `values`, each with its joint, or None, and its value."""
         for key, value in values.items():
             joint, field = self._split(key)
             if field not in _LIMITS:

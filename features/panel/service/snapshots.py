@@ -1,4 +1,4 @@
-"""Snapshots: the machine and the service at an instant, as pages see them, and what makes them of telemetry."""
+"""Snapshots: the state of machine and service at an instant, published from telemetry."""
 
 import time
 from collections import deque
@@ -34,15 +34,15 @@ class JointView:
         name: name of the joint.
         unit: `mm` or `deg`; speeds are in this unit per second.
         position: position by the step counter.
-        rate: speed with its sign; None while the board does not report it.
-        following_error: how far the drive's position is from the demanded one; None while the board does not report it.
+        rate: speed with sign; None while the board does not report it.
+        following_error: actual minus demanded position; None while the board does not report it.
         lower: lower limit of the position.
         upper: upper limit of the position.
         homed: True if the position counts from the joint's zero.
         state: the drive's state in plain words.
-        drive_state: the drive's state as the standard (CiA 402) writes it.
+        drive_state: the drive's state in the words of the standard (CiA 402).
         error: the drive's fault in plain words; None without one.
-        hindrance: what keeps the drive from being switched on, in plain words; None if nothing that is known does.
+        hindrance: known reason why the drive cannot be switched on, in plain words; None without one.
     """
 
     name: str
@@ -65,11 +65,11 @@ class Activity:
 
     Attributes:
         name: such as `home`, `jog th2` or the job's name.
-        fraction: the part that is done, 0 to 1; None if it has no end, as a jog.
-        paused: True while the machine is at standstill amid its trajectory.
-        pausable: True if it can be paused: only trajectories can.
-        foreign: True if another program moves the machine, not the service.
-        waits_for: the input for which a program waits, in words; empty while it does not.
+        fraction: fraction done, 0 to 1; None for work without an end, such as a jog.
+        paused: True at standstill within its trajectory.
+        pausable: True for trajectories; other work cannot be paused.
+        foreign: True if another program moves the machine.
+        waits_for: input for which a program waits, as text; empty without one.
     """
 
     name: str
@@ -86,12 +86,12 @@ class Activity:
 
 @dataclass(frozen=True, slots=True)
 class BoardFigures:
-    """Figures of a served board, from its control port; None if it does not tell.
+    """Figures of a served board from its control port; None if unknown.
 
     Attributes:
         bus_load_percent: load of the bus.
-        late_ms: how late the board is at the 99th percentile.
-        stood_percent: part of the last five seconds for which its clock has stood since the computer was too slow.
+        late_ms: lateness of the board at the 99th percentile.
+        stood_percent: percentage of the last five seconds with a stopped clock on a slow computer.
     """
 
     bus_load_percent: float | None = None
@@ -101,26 +101,26 @@ class BoardFigures:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Snapshot:
-    """The machine and the service at an instant. Everything but the texts is the last known while not connected.
+    """State of machine and service at an instant; without connection, the last known values.
 
     Attributes:
-        number: counts up; a request names the newest that its page had shown. -1 before the first connection.
-        time_s: when it was taken, on the clock of `time.monotonic`.
+        number: counts up; requests have the newest number that their page had shown. -1 before the first connection.
+        time_s: time of its creation, on the clock of `time.monotonic`.
         connected: False while no telemetry comes.
         why_not: why it is not connected, in one line; None while it is.
-        simulated: True if the board says that it is emulated; None while that is unknown.
-        joints: the joints in the robot's order; empty before the first connection.
-        second_motors: the drives of second motors, with the positions of their ends of the joints.
+        simulated: True if the board reports that it is emulated; None while that is unknown.
+        joints: joints in the robot's order; empty before the first connection.
+        second_motors: drives of second motors, with the positions of their ends of the joints.
         pose: the tool's coordinates by the keys of its task; None unless every joint is homed.
-        links_mm: the polylines of the arm's parts, axes and frames, each of shape (n, 3), in the world frame; also of
-            an arm that is not homed, with NaN where the mechanism cannot be assembled.
-        inputs: whether each digital input is on, by its name in the robot's file.
-        outputs: whether each digital output is on, by its name; as last read.
-        activity: what the machine is doing; None at standstill.
+        links_mm: polylines of the arm's parts, axes and frames, each of shape (n, 3), in the world frame, even if the
+            arm is not homed; NaN where the mechanism cannot be assembled.
+        inputs: True for each digital input that is on, by its name in the robot's file.
+        outputs: True for each digital output that is on, by name; as last read.
+        activity: present work of the machine; None at standstill.
         emergency_stopped: True from an emergency stop until the reset.
-        operator: name of the operator; None if there is none.
-        queue_fill: least part of a drive's queue of motion that is full, 0 to 1; None while no trajectory runs.
-        speed_percent: speed of the trajectory that runs, in percent of the planned one; 0 in a pause, None without one.
+        operator: name of the operator; None without one.
+        queue_fill: fill level of the emptiest queue of a drive, 0 to 1; None without a trajectory.
+        speed_percent: speed of the running trajectory, in percent of the planned one; 0 in a pause, None without one.
         board: figures of a served board.
     """
 
@@ -156,19 +156,19 @@ class Snapshot:
         return any(joint.error is not None for joint in self.drives)
 
 
-# --- making them
+# --- publishing
 
 PERIOD_S: Final = 0.015
 """Least time between two snapshots."""
 _STANDSTILL_S: Final = 0.1
-"""Longest time between two snapshots, without news."""
+"""Longest time between two snapshots without a change."""
 _SETTLED_S: Final = 0.15
-"""Time for which the drives' states must last until the events tell of them: drives change one after the other."""
+"""Time for which drive states must last to be logged: drives change one after the other."""
 _ANOTHER: Final = "another program moves the machine"
 
 
 class Publisher:
-    """Publishes what the axes of a session report; in the service's thread, but for the telemetry itself.
+    """Publishes the reports of a session's axes, in the service's thread; telemetry itself uses another one.
 
     Attributes:
         telemetry: what the axes report.
@@ -178,19 +178,19 @@ class Publisher:
         self._session = session
         self._service = service
         self._emergencies: deque[tuple[int, int]] = deque(maxlen=100)
-        """Number of an axis and error code of emergencies that the events do not tell of yet."""
+        """Axis number and error code of emergencies that are not logged yet."""
         self.telemetry: Telemetry = Telemetry(session, self._emergency)
         self._drawn: _DrawnArm | None = None
         self._published_s = self._news_s = float("-inf")
-        self._states: tuple[str, ...] = ()  # of the drives as last seen, and since when
+        self._states: tuple[str, ...] = ()  # drive states as last seen, and since when
         self._states_s = float("-inf")
-        self._logged: dict[str, str] = {}  # the states that the events tell of, by joint
-        self._stopped = self._faulty = False  # whether a drive was, as last seen
+        self._logged: dict[str, str] = {}  # logged states by joint
+        self._stopped = self._faulty = False  # whether any drive was in quick stop, as last seen
 
     def _emergency(self, axis: int, code: int) -> None:
-        """Take an error that an axis reports; called in the receiving thread.
+        """Register an error reported by an axis; called in the receiving thread.
 
-        After an emergency stop, also one that is reset at once, nothing goes on that was requested before.
+        An emergency stop, even one that is reset at once, voids earlier requests.
         """
         self._emergencies.append((axis, code))
         if code == ErrorCode.ESTOP:
@@ -215,7 +215,7 @@ class Publisher:
         self._log_states(now_s, latest.drives)
 
     def _follow_stops(self, drives: Sequence[DriveStatus]) -> None:
-        """Note an emergency stop by any program, and its end; void what was requested before a stop, fault or reset."""
+        """Register an emergency stop by any program, and its end; void requests from before a stop, fault or reset."""
         service = self._service
         faulty = any(drive.in_fault for drive in drives)
         codes = [report.error_code for report in self.telemetry.axes]
@@ -292,7 +292,7 @@ class Publisher:
         )
 
     def log_emergencies(self) -> None:
-        """Log the errors that axes have reported, those with the same error together."""
+        """Log reported errors, equal ones of several axes together."""
         names = self._session.robot.axis_names
         found: list[tuple[str, int]] = []
         while self._emergencies:
@@ -303,7 +303,7 @@ class Publisher:
             self._service.events.warning(f"{_who(named, names)}: {error_words(code)}")
 
     def _log_states(self, now_s: float, joints: Sequence[JointView]) -> None:
-        """Log which drives have changed their state for good, those with the same new state together."""
+        """Log lasting changes of drive states, equal ones together."""
         states = tuple(joint.state for joint in joints)
         if states != self._states:
             self._states, self._states_s = states, now_s
@@ -316,7 +316,7 @@ class Publisher:
 
 
 class _DrawnArm:
-    """A robot's tool pose and polylines at the joint position that was given last, in mm and degrees."""
+    """Tool pose and polylines of a robot at the last given joint position, in mm and degrees."""
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
@@ -341,7 +341,7 @@ V = TypeVar("V")
 
 
 def grouped(named: Iterable[tuple[str, V]]) -> dict[V, list[str]]:
-    """Return names by what they have in common, each once."""
+    """Return names grouped by a common value, each value once."""
     found: dict[V, list[str]] = {}
     for name, value in named:
         if name not in found.setdefault(value, []):
@@ -354,14 +354,14 @@ def _who(some: Sequence[str], every: Sequence[object]) -> str:
 
 
 def _joint_values(robot: Robot, units: Sequence[int | None]) -> FloatArray:
-    """Return the joints' values from those of the axes in wire units; NaN for all while one is unknown."""
+    """Return the joints' values from those of the axes in wire units; all NaN while one is unknown."""
     if any(each is None for each in units):
         return np.full(len(robot.joints), np.nan)
     return robot.to_positions(np.array(units, dtype=np.int64))
 
 
 def _activity(own: Activity | None, drives: Sequence[DriveStatus]) -> Activity | None:
-    """Return what the machine does: what the service does with it, or that it moves although that does nothing."""
+    """Return the present work: the service's own, or a motion by another program."""
     running = [drive for drive in drives if drive.interpolating]
     paused = bool(running) and all(drive.halted for drive in running)
     if own is not None:
@@ -372,7 +372,7 @@ def _activity(own: Activity | None, drives: Sequence[DriveStatus]) -> Activity |
 
 
 def queue_fill(session: Session, drives: Sequence[DriveStatus]) -> float | None:
-    """Return the least filled part of the queues of axes that execute a trajectory; None if there is none."""
+    """Return the fill level of the emptiest queue among axes that execute a trajectory; None if none does."""
     free = [
         axis.pvt_status.free
         for axis, drive in zip(session.machine.axes, drives, strict=True)

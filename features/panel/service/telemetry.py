@@ -1,4 +1,4 @@
-"""Telemetry: what the axes report by themselves, without a question, so that no program's dialogue is disturbed."""
+"""Telemetry: reports that axes send by themselves, without queries, which would disturb other programs."""
 
 import struct
 import time
@@ -19,12 +19,13 @@ from steptwin.protocol.frame import COB_EMCY, COB_ID_INVALID, COB_ID_NO_RTR, COB
 from steptwin.protocol.objects import ASYNCHRONOUS
 
 SILENT_S: Final = 0.35
-"""Time without a report after which the machine counts as lost: pages show it within 0.5 s, and at 125 kbit/s two
-reports in a row may be missing."""
-_PERIOD_MS: Final = 30  # of the reports of position and state at _FULL_RATE and above
+"""Silence until the machine counts as lost: pages show it within 0.5 s, and at 125 kbit/s two reports in a row may be
+missing.
+"""
+_PERIOD_MS: Final = 30  # period of position and state reports at _FULL_RATE and above
 _FULL_RATE: Final = 500_000
 _MOTION_PERIODS: Final = 2
-"""Number of these periods from one report of velocity and following error to the next; plots need no more."""
+"""Number of these periods between reports of velocity and following error; plots need no more."""
 _WORD_BYTES: Final = 4
 _MOTION: Final = struct.Struct("<ii")
 _INPUTS: Final = struct.Struct("<IH")
@@ -37,11 +38,11 @@ class AxisTelemetry:
 
     Attributes:
         drive: statusword, state, mode and position; None before the first report.
-        heard_s: when `drive` came, on the clock of `time.monotonic`.
-        following_error_units: difference of demanded and actual position; None if it is not reported.
-        velocity_units_per_s: velocity; None if it is not reported.
-        inputs: the digital inputs (60FDh); None before they are known.
-        error_code: the last error that the node has reported; 0 after its end.
+        heard_s: arrival of `drive`, on the clock of `time.monotonic`.
+        following_error_units: difference of demanded and actual position; None if not reported.
+        velocity_units_per_s: velocity; None if not reported.
+        inputs: the digital inputs (60FDh); None before the first report.
+        error_code: last error reported by the node; 0 after its end.
     """
 
     drive: DriveStatus | None = None
@@ -52,27 +53,27 @@ class AxisTelemetry:
     error_code: int = 0
 
     def take_drive(self, data: bytes) -> None:
-        """Take a TPDO1."""
+        """Store a TPDO1."""
         self.drive, self.heard_s = DriveStatus.decode(data), time.monotonic()
 
     def take_motion(self, data: bytes) -> None:
-        """Take a TPDO2, as `set_up_reports` defines it."""
+        """Store a TPDO2, defined by `set_up_reports`."""
         self.following_error_units, self.velocity_units_per_s = _MOTION.unpack(data)
 
     def take_inputs(self, data: bytes) -> None:
-        """Take a TPDO4."""
+        """Store a TPDO4."""
         self.inputs, self.error_code = _INPUTS.unpack(data)
 
     def take_emergency(self, data: bytes) -> int:
-        """Take an emergency; return its code."""
+        """Store an emergency; return its code."""
         code, register, _detail = _EMERGENCY.unpack(data)
-        if code or not register:  # "no error" with bits in the register means that another one goes on
+        if code or not register:  # "no error" with bits in the register means that another error remains
             self.error_code = code
         return int(code)
 
 
 class Telemetry:
-    """The last reports of all axes; the receiving thread writes them, any thread may read them."""
+    """The last reports of all axes; the receiving thread writes them, any thread reads them."""
 
     def __init__(self, session: Session, emergency: Callable[[int, int], None]) -> None:
         """Listen from now on; `emergency` is called in the receiving thread with an axis' number and an error code."""
@@ -92,12 +93,12 @@ class Telemetry:
 
     @property
     def heard_s(self) -> float:
-        """Time when the axis that has been silent for longest was heard, on the clock of `time.monotonic`."""
+        """Time of the oldest last report among the axes, on the clock of `time.monotonic`."""
         return min(report.heard_s for report in self.axes)
 
     @property
     def news_s(self) -> float:
-        """Time when the last report came, on the same clock."""
+        """Time of the newest report, on the same clock."""
         return max(report.heard_s for report in self.axes)
 
     @property
@@ -106,7 +107,7 @@ class Telemetry:
         return time.monotonic() - self.heard_s > SILENT_S
 
     def ask_once(self, session: Session) -> None:
-        """Ask for what nodes report only when it changes; raise BusError if a node does not answer."""
+        """Query values that nodes report only on a change; raise BusError if a node does not answer."""
         for axis, report in zip(session.machine.axes, self.axes, strict=True):
             report.inputs = axis.read(od.DIGITAL_INPUTS)
             held = axis.read(od.EMERGENCY_STOP)
@@ -118,14 +119,14 @@ def _received(take: Callable[[bytes], object], _cob_id: int, data: bytearray, _t
         take(bytes(data))
 
 
-# --- setting the reports up
+# --- setup of reports
 
 
 def set_up_reports(session: Session) -> bool:
-    """Let the axes report often, with velocity and following error; return False if that must wait.
+    """Set up frequent reports with velocity and following error; return False if that must wait.
 
-    It must wait while another program is in charge or an axis moves: a node takes the parameters of its reports only in
-    PRE-OPERATIONAL, where it executes no process data. A board that has them already is left as it is.
+    It must wait while another program has the lease or an axis moves: a node accepts the parameters of its reports only
+    in PRE-OPERATIONAL, where it executes no process data. A board with these parameters is left unchanged.
     """
     axes = session.machine.axes
     await_reports(session.link, axes)
@@ -143,20 +144,20 @@ def set_up_reports(session: Session) -> bool:
             for axis, objects in wanted:
                 for address, value in objects:
                     axis.write(address, value)
-            # One after the other, so that the reports are spread over the period: a board that had to send them all at
+            # One after the other, which spreads the reports over the period: a board that had to send all of them at
             # once would be late with other things.
             for axis in axes:
                 axis.start_node()
                 session.link.wait(period_ms / 1000 / len(axes))
-    except BusError:  # another program is in charge; a node that does not answer is soon missed in any case
+    except BusError:  # another program has the lease; a node that does not answer is soon detected anyway
         return False
     return True
 
 
 def _objects(node_id: int, period_ms: int) -> Objects:
-    """Return the parameters of an axis' reports, in the order that a node takes them.
+    """Return the parameters of an axis' reports, in the order of writing.
 
-    TPDO2, which exists no sooner than a master defines it, carries the following error and the velocity.
+    TPDO2 exists only after a master has defined it; it has the following error and the velocity.
     """
     drive, motion = od.TPDO_COMMUNICATION[:2]
     mapping = od.TPDO_MAPPING[1]
@@ -175,6 +176,6 @@ def _objects(node_id: int, period_ms: int) -> Objects:
 
 
 def _reports(axis: AxisClient, objects: Objects) -> bool:
-    """Return whether a node is OPERATIONAL and its reports have these parameters; of several values the last counts."""
+    """Return whether a node is OPERATIONAL with reports of these parameters; the last of repeated values counts."""
     operational = bool(axis.read(od.STATUSWORD) & Status.REMOTE)
     return operational and all(axis.read(address) == value for address, value in dict(objects).items())

@@ -1,6 +1,7 @@
 """`steptwin eds`, `dbc [ROBOT]` and `schema KIND`: describe boards and files for other tools."""
 
-from typing import Annotated
+from collections.abc import Callable
+from typing import Annotated, Any
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import RobotFile, RobotName, RobotOptions
@@ -33,7 +34,7 @@ def dbc(robot: RobotName = None, robot_file: RobotFile = None) -> None:
     print_text(render_dbc(axes))
 
 
-@command("robot > robot.schema.json", "scenario > scenario.schema.json")
+@command("robot > robot.schema.json", "program > program.schema.json")
 def schema(
     kind: Annotated[str, argument("KIND", "Kind of file, such as robot; another word lists all kinds.")],
 ) -> None:
@@ -41,9 +42,11 @@ def schema(
     from steptwin.host.common.bad_input import unknown
     from steptwin.host.common.features import giving
     from steptwin.host.common.file_models import json_schema
+    from steptwin.host.planning.programs.program_file import program_model
     from steptwin.host.robots.reader import robot_model
 
-    models = {"robot": robot_model} | {name: model for _, given in giving("schemas") for name, model in given().items()}
+    own: dict[str, Callable[[], type[Any]]] = {"robot": robot_model, "program": program_model}
+    models = own | {name: model for _, given in giving("schemas") for name, model in given().items()}
     if kind not in models:
         raise unknown("kind of file", kind, models)
     print_json(json_schema(models[kind]()))

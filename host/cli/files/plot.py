@@ -17,20 +17,20 @@ from steptwin.host.record.plots import PICTURES, PlotView, write_plots
 
 @dataclass(frozen=True, slots=True)
 class CloseUpOptions:
-    """The options that choose what pictures of a short time show."""
+    """Options of pictures with a short time span."""
 
     at_s: float | None = option("SECONDS", "For edges and phases: their middle; by default the fastest.", "--at")
     span_s: float | None = option("SECONDS", "For edges and phases: their width; by default some steps.", "--span")
 
     def check_use(self, names: list[str]) -> None:
-        """Raise InputError if an option is given for pictures that show all of the motion."""
+        """Raise InputError if an option is given for pictures of the whole motion."""
         given = list(given_options(self))
         if given and not any(PICTURES[name].close_up for name in names):
             close_ups = " and ".join(name for name, each in PICTURES.items() if each.close_up)
             raise InputError(f"{given[0]}: is for the pictures {close_ups}, not for {', '.join(names)}")
 
     def view(self, duration_s: float) -> PlotView:
-        """Return the time that the pictures show; raise InputError unless it is in the motion."""
+        """Return the time span of the pictures; raise InputError if it is outside the motion."""
         from steptwin.protocol.timer import COUNTS_PER_SECOND
 
         at_s, span_s, count_s = self.at_s, self.span_s, 1 / COUNTS_PER_SECOND
@@ -46,7 +46,7 @@ class CloseUpOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlotOptions(AnswerOptions):
-    """The options that say which pictures are drawn, in which form, and where to."""
+    """Options for the choice, the form and the folder of pictures."""
 
     what: list[str] | None = option(
         "NAME,...",
@@ -58,7 +58,7 @@ class PlotOptions(AnswerOptions):
     replace: Replace = False
 
     def names(self) -> list[str]:
-        """Return the names of the pictures; raise InputError for unknown ones, and for files that exist."""
+        """Return the names of the pictures; raise InputError for unknown ones, and for existing files."""
         names = chosen_names("--what", self.what, PICTURES) if self.what else list(PICTURES)
         if self.frames and "in-space" not in names:
             raise InputError(f"--frames: is for the picture in-space, not for {', '.join(names)}")

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 _FormatName = Literal["vcd", "vcd-full", "csv", "npz", "mcap"]
-"""The formats of `steptwin.host.record.waveforms`, listed again: importing that would slow down `--help`."""
+"""Formats of `steptwin.host.record.waveforms`, repeated here: its import would slow down `--help`."""
 
 _SCALED: Final = ("vcd", "vcd-full")
 """Formats with a time unit."""
@@ -27,7 +27,7 @@ _SCALED: Final = ("vcd", "vcd-full")
 
 @dataclass(frozen=True, slots=True)
 class PartOptions:
-    """The options that choose a part of a record."""
+    """Options for a part of a record."""
 
     from_s: float | None = option("SECONDS", "First time of the motion; by default all.", "--from")
     to_s: float | None = option("SECONDS", "Last time of the motion.", "--to")
@@ -39,14 +39,14 @@ class PartOptions:
         return self.from_s is None and self.to_s is None and not self.axes
 
     def signals(self, signals: "list[Signal]", evidence: "Evidence") -> "list[Signal]":
-        """Return the signals of the axes that are named, in their own order; all of them when none is."""
+        """Return the signals of the named axes, in their own order; by default all."""
         if not self.axes:
             return signals
         chosen = chosen_names("--axis", self.axes, (axis.name for axis in evidence.axes))
         return [signal for signal in signals if signal.axis in chosen]
 
     def window(self, evidence: "Evidence") -> "Window":
-        """Return the part of the record between the two times of the motion."""
+        """Return the part of the record between two times of the motion."""
         from steptwin.host.record.waveforms import whole_record
 
         whole = whole_record(evidence)
@@ -65,7 +65,7 @@ class PartOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WaveformOptions(AnswerOptions):
-    """The options that say in which form a waveform is written, and where to."""
+    """Options for the form and the file of a waveform."""
 
     form: _FormatName = option(
         "FORMAT",
@@ -86,7 +86,7 @@ class WaveformOptions(AnswerOptions):
     replace: Replace = False
 
     def check(self) -> None:
-        """Raise InputError for a time scale in a format without one, and for a file that exists."""
+        """Raise InputError for a time scale in a format without one, and for an existing file."""
         if self.timescale is not None and self.form not in _SCALED:
             raise InputError(f"--timescale {self.timescale}: is for {' and '.join(_SCALED)}, not for {self.form}")
         if self.out is not None:

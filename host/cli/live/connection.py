@@ -1,4 +1,4 @@
-"""The frame of the commands for a live board: the options that they share, the session that these open, the answer."""
+"""Frame of the commands for a live board: their common options, their session, their answer."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -25,7 +25,7 @@ live_switch: Callable[..., Any] = partial(switch, rich_help_panel=LIVE_PANEL)
 
 @dataclass(frozen=True, slots=True)
 class BoardAddress:
-    """The place of a live board, as the options of a command give it; no option: none is meant."""
+    """Address of a live board from a command's options; without any option there is none."""
 
     connect: str | None = live_option(
         "HOST[:PORT]", "Board behind a socketcand server; port 29536 by default.", "--connect"
@@ -39,10 +39,10 @@ class BoardAddress:
     )
 
     def connection(self, robot: "Robot | None") -> "Connection | None":
-        """Return the connection that the options describe; None when no option is given.
+        """Return the connection of the options; None without any.
 
         Raises:
-            InputError: options contradict each other, or python-can has no such interface.
+            InputError: options exclude each other, or python-can has no such interface.
         """
         from steptwin.host.client.links.bus_link import Connection
 
@@ -66,7 +66,7 @@ class BoardAddress:
         return Connection(self.interface, self.channel, self.bitrate or (robot.board.bitrate if robot else None))
 
     def required(self, robot: "Robot | None") -> "Connection":
-        """Return the connection that the options describe; raise InputError also when no option is given."""
+        """Return the connection of the options; raise InputError also without any."""
         found = self.connection(robot)
         if found is None:
             raise InputError("which board? --connect HOST:PORT, or -i INTERFACE -c CHANNEL")
@@ -80,7 +80,7 @@ Force = Annotated[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveOptions(RobotOptions):
-    """The options of every command for a live board: the robot's file, the board's place, the form of the answer."""
+    """Options of every command for a live board: the robot's file, the board's address, the form of the answer."""
 
     address: BoardAddress
 
@@ -93,8 +93,8 @@ class LiveOptions(RobotOptions):
         with BusLink(open_bus(found), found.title) as link:
             yield link
 
-    def tell_states(self, robot: "Robot", states: "list[AxisState]", *, positions: bool = True) -> None:
-        """Print each axis' state, as a document or a table; without `positions` it says none, the document null."""
+    def report_states(self, robot: "Robot", states: "list[AxisState]", *, positions: bool = True) -> None:
+        """Print each axis' state, as a document or a table; `positions` is False if they are unknown."""
         unknown = {} if positions else {"position": None, "position_known": False}
         columns = dict(list(_STATES.items())[: None if positions else 2])
         self.tell_of(
@@ -114,16 +114,16 @@ _STATES: Final[Columns] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionOptions(LiveOptions):
-    """The options of a command that asks whether the board is this robot's before it does anything."""
+    """Options of a command that first checks that the board is this robot's."""
 
     force: Force = False
 
     @contextmanager
     def session(self, robot: "Robot", *, waking: bool = False) -> "Iterator[Session]":
-        """Open a link with a session of the robot on it, and close it after the block.
+        """Open a link with a session of the robot, and close it after the block.
 
-        All that a command does in it is one action: a stop ends all of it. With `waking`, start nodes that another
-        master has stopped. Unless forced, raise InputError if the board is another robot's or has other units.
+        The block is one action: a stop ends all of it. `waking` starts nodes that another master has stopped. Raise
+        InputError, unless forced, if the board has another robot's name or units.
         """
         from steptwin.host.operate.recovering import wake
         from steptwin.host.operate.session import Session
@@ -138,7 +138,7 @@ class SessionOptions(LiveOptions):
 
     @contextmanager
     def lasting_session(self, robot: "Robot") -> "Iterator[Session]":
-        """Open a link with a session for several actions, of which a stop ends the present one; else as `session`."""
+        """Open a link with a session for several actions, each ended by a stop; otherwise as `session`."""
         from steptwin.host.operate.session import Session
 
         with self.link(robot) as link:
@@ -153,12 +153,12 @@ class SessionOptions(LiveOptions):
 
 
 def host_and_port(option: str, text: str, usual_port: int, *, optional: bool = False) -> tuple[str, int]:
-    """Split HOST:PORT; an IPv6 address stands in brackets, as in URLs (RFC 3986), since it has colons itself.
+    """Split HOST:PORT; an IPv6 address is in brackets, as in URLs (RFC 3986), since it has colons itself.
 
     Args:
         option: name of the option in messages.
         text: its value.
-        usual_port: the port in examples, and that of a text without one.
+        usual_port: port in examples, and the default.
         optional: allow a text without a port.
 
     Raises:

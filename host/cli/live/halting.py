@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _EXAMPLES: Final = ("lab-scara --connect 127.0.0.1", "lab-scara -i socketcan -c can0")
 _CLOCKS_S: Final = 0.5
-"""Time for which the clock of an emulated board may have stood since a fault, on a computer that is too slow."""
+"""Longest stop of an emulated board's clock since a fault, on a slow computer."""
 
 
 @command(*_EXAMPLES)
@@ -97,8 +97,8 @@ def estop(live: LiveOptions, robot: RobotName = None) -> None:
 def _stop_axes(live: LiveOptions, name: str | None, stop: "Callable[[Session], list[AxisState]]") -> None:
     """Stop all axes of a live board, whichever robot's it is, and print their states.
 
-    Only then look whose the board is, so that a stop is never refused. If it is another robot's, print no positions,
-    which would be in the wrong units, and raise InputError: that robot may have more axes.
+    Only then check whose board it is, so a stop is never refused. For another robot's board, print no positions, whose
+    units would be wrong, and raise InputError: that robot may have more axes.
     """
     from steptwin.host.client.stopping import saying_if_unsure
 
@@ -107,7 +107,7 @@ def _stop_axes(live: LiveOptions, name: str | None, stop: "Callable[[Session], l
     with saying_if_unsure(), unasked.session(robot) as session:
         states = stop(session)
         foreign = session.foreign_board()
-        live.tell_states(robot, states, positions=not foreign)
+        live.report_states(robot, states, positions=not foreign)
         if foreign:
             raise InputError(f"{foreign}; {robot.name}'s axes were stopped, but the board may have others that move")
 
@@ -125,7 +125,7 @@ def reset(live: SessionOptions, robot: RobotName = None) -> None:
     loaded = live.robot(robot)
     with live.session(loaded, waking=True) as session:
         states = reset(session, age_s=max(0.0, time.monotonic() - asked_s - _CLOCKS_S))
-    live.tell_states(loaded, states)
+    live.report_states(loaded, states)
 
 
 @command("teaching-scara --connect 127.0.0.1", "teaching-scara gripper on --connect 127.0.0.1")

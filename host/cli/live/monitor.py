@@ -26,7 +26,7 @@ _POLL_S = 0.1
 
 
 class _Seen(NamedTuple):
-    """A frame: its instant by the clock of the bus, its identifier and its data."""
+    """A frame: instant by the bus' clock, identifier and data."""
 
     time_s: float
     cob_id: int
@@ -77,7 +77,7 @@ def monitor(
                 if live.as_json:
                     documents.append(_document(seen, decoded))
                 else:
-                    say(_line(seen, decoded))
+                    say(f"{seen.time_s:.6f} {seen.cob_id:03X} {decoded.title:9} {decoded.node:8} {decoded.text}")
                 if shown == count:
                     break
         except KeyboardInterrupt:
@@ -87,7 +87,7 @@ def monitor(
 
 
 def _live_frames(found: "Connection", seconds: float | None) -> Generator[_Seen]:
-    """Yield data frames with 11-bit identifiers as they come, until the time is over."""
+    """Yield data frames with 11-bit identifiers until the time is over."""
     from steptwin.host.client.links.bus_link import bus_errors, open_bus
 
     with open_bus(found) as bus:
@@ -111,24 +111,24 @@ def _frames(live: LiveOptions, log: Path, seconds: float | None) -> Generator[_S
 
 
 def _is_stored(name: str) -> bool:
-    """Return whether a name is that of a stored bus or of a folder, and not of a robot."""
+    """Return whether a name is a stored bus or a folder, and not a robot."""
     from steptwin.host.record.recorded_bus import FORMATS
 
     return Path(name).is_dir() or Path(name).suffix.lower() in FORMATS
 
 
 def _stored_bus(log: Path | None) -> Path | None:
-    """Return the file of a stored bus, which may stand for its folder."""
+    """Return the file of a stored bus, given by its path or its folder."""
     from steptwin.host.record.folder import BUS_LOG
 
     return log / BUS_LOG if log is not None and log.is_dir() else log
 
 
 def _robot(live: LiveOptions, name: str | None, log: Path | None) -> "Robot | None":
-    """Return the robot that is named, else that of a stored run; None if there is none.
+    """Return the named robot, else that of a stored run; None without one.
 
     Raises:
-        InputError: a live board is named beside a stored bus, or there is no such robot.
+        InputError: a live board is given beside a stored bus, or the robot does not exist.
     """
     from steptwin.host.record.folder import BUS_LOG, ROBOT, read_robot
 
@@ -163,10 +163,6 @@ def _node_id(text: str, names: dict[int, str]) -> int:
 def _check_positive(option: str, value: float | None) -> None:
     if value is not None and not 0 < value < float("inf"):
         raise InputError(f"{option} {value:g}: is not above 0 and finite")
-
-
-def _line(seen: _Seen, decoded: "Decoded") -> str:
-    return f"{seen.time_s:.6f} {seen.cob_id:03X} {decoded.title:9} {decoded.node:8} {decoded.text}"
 
 
 def _document(seen: _Seen, decoded: "Decoded") -> dict[str, Any]:

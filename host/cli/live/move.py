@@ -1,4 +1,4 @@
-"""`steptwin home`, `move` and `jog ROBOT WHAT AMOUNT --connect ...`: find where a live machine stands, and move it."""
+"""`steptwin home`, `move` and `jog ROBOT WHAT AMOUNT --connect ...`: home a live machine, and move it."""
 
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Final
@@ -56,11 +56,11 @@ def home(
         else:
             with progress_bar(f"{loaded.name} home") as progress:
                 states = home_robot(session, together=together, stay=stay, progress=progress)
-    live.tell_states(loaded, states)
+    live.report_states(loaded, states)
 
 
-def _tell_moved(live: LiveOptions, robot: "Robot", moved: "Moved") -> None:
-    """Print the joints at the end, and the tool's pose if it is known; with JSON also start, goal and duration."""
+def _report_moved(live: LiveOptions, robot: "Robot", moved: "Moved") -> None:
+    """Print the final joint positions, and the tool's pose if known; in JSON also start, goal and duration."""
     names = robot.joint_names
     figures = {
         key: dict(zip(names, value, strict=True)) if isinstance(value, list) else value
@@ -72,7 +72,7 @@ def _tell_moved(live: LiveOptions, robot: "Robot", moved: "Moved") -> None:
 
 @dataclass(frozen=True, slots=True)
 class PoseOptions:
-    """The options that say where the tool is to be."""
+    """Options for the tool's pose."""
 
     x: float | None = option("MM", "Target position; by default it stays.", read=finite_number)
     y: float | None = option("MM", "Target position; by default it stays.", read=finite_number)
@@ -84,7 +84,7 @@ class PoseOptions:
     turned: OrientationOptions = field(default_factory=OrientationOptions)
 
     def given(self) -> "ToolPosition | None":
-        """Return the coordinates that are given; None without any."""
+        """Return the given coordinates; None without any."""
         from steptwin.host.planning.programs.positions import ToolPosition
 
         asked = {"x": self.x, "y": self.y, "z": self.z, "phi": self.phi}
@@ -144,7 +144,7 @@ def move(
         goal = tool_goal if pose or isinstance(saved, ToolPosition) else goal
         with progress_bar(f"{loaded.name} move") as progress:
             moved = move(session, goal, speed_percent=speed, progress=progress)
-    _tell_moved(live, loaded, moved)
+    _report_moved(live, loaded, moved)
 
 
 def _joints(robot: "Robot", words: list[str]) -> dict[str, float]:
@@ -200,11 +200,11 @@ def jog(
         _check_step(loaded, name, value, seconds, speed)
     with live.session(loaded) as session:
         if not at_speed:
-            _tell_moved(live, loaded, _by_step(session, name, value, speed, axes))
+            _report_moved(live, loaded, _by_step(session, name, value, speed, axes))
         elif name in loaded.joint_names:
-            _tell_jogged(live, loaded, _joint_at_speed(session, name, value, seconds))
+            _report_jogged(live, loaded, _joint_at_speed(session, name, value, seconds))
         else:
-            _tell_tool_jogged(live, loaded, _tool_at_speed(session, name, value, seconds, axes))
+            _report_tool_jogged(live, loaded, _tool_at_speed(session, name, value, seconds, axes))
 
 
 def _frame(robot: "Robot", name: str, text: str | None) -> "StepFrame":
@@ -230,7 +230,7 @@ def _unit(robot: "Robot", name: str) -> str:
 
 
 def _amount(text: str, unit: str, *, timed: bool) -> tuple[float, bool]:
-    """Return the number of a distance or a speed, and whether it is a speed: by its unit, or because it is timed."""
+    """Return the number of a distance or a speed, and whether it is a speed: by its unit, or by --seconds."""
     from steptwin.host.robots.joint import Unit
 
     number, per_second = text.removesuffix("/s"), text.endswith("/s")
@@ -296,14 +296,14 @@ def _by_step(session: "Session", name: str, distance: float, speed: float | None
         return step_tool(session, ToolStep({name: distance}, percent, frame), progress=progress)
 
 
-def _tell_jogged(live: LiveOptions, robot: "Robot", jogged: "Jogged") -> None:
+def _report_jogged(live: LiveOptions, robot: "Robot", jogged: "Jogged") -> None:
     unit = robot.joint(jogged.joint).unit
     at_limit = _AT_END if jogged.at_limit else ""
     way = f"{jogged.joint}: from {fixed(jogged.start)} to {fixed(jogged.end)} {unit}{at_limit}"
     live.tell_of(robot, asdict(jogged), way)
 
 
-def _tell_tool_jogged(live: LiveOptions, robot: "Robot", jogged: "ToolJogged") -> None:
+def _report_tool_jogged(live: LiveOptions, robot: "Robot", jogged: "ToolJogged") -> None:
     named = {each: dict(zip(robot.joint_names, getattr(jogged, each), strict=True)) for each in ("start", "end")}
     joints = ", ".join(f"{name} {fixed(position)}" for name, position in named["end"].items())
     pose = () if jogged.pose is None else (pose_text(jogged.pose),)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 _NAMED: Final = {"save": True, "list": False, "delete": True}
-"""What the command can do, and whether it takes a position's name."""
+"""Actions of the command, and whether each takes a position's name."""
 
 
 @command("save pick lab-scara --connect 127.0.0.1", "list lab-scara --file bench.toml")
@@ -52,7 +52,7 @@ def positions(
 
 
 def _split(words: list[str]) -> tuple[str, str, list[str]]:
-    """Return the action, the position's name or an empty text, and the words after them."""
+    """Return the action, the position's name or an empty text, and the remaining words."""
     if not words:
         raise InputError(f"what? {', '.join(_NAMED)}")
     action, *rest = words

@@ -38,7 +38,7 @@ _STATUS_EVERY_S = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EndpointOptions:
-    """The options that say where programs reach a served board, and how fast its time goes."""
+    """Options for the address of a served board, and for its speed."""
 
     host: str | None = option("ADDRESS", f"Address to listen at; {socketcand.LOOPBACK} by default.")
     port: int | None = option("PORT", f"Port to listen at; {socketcand.PORT} by default; 0 takes a free one.")
@@ -49,7 +49,7 @@ class EndpointOptions:
     speed: float = option("FACTOR", "Simulated seconds in a second.", default=1.0)
 
     def reached(self, served: "ServedBoard") -> list[str]:
-        """Return the options of a live command that say where the board is, for other commands of this machine."""
+        """Return the words of a live command's options that reach the board from this machine."""
         if self.interface is None:
             return ["--connect", f"{reached_at(self.host)}:{served.port}"]
         return ["-i", self.interface, *(() if self.channel is None else ("-c", self.channel))]
@@ -57,7 +57,7 @@ class EndpointOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingOptions:
-    """The options that say which files a served board writes."""
+    """Options for the files of a served board."""
 
     out: str | None = option("DIR", "Folder to record report, edges and bus log in.")
     log: str | None = option("FILE", "File to record the bus log in.")
@@ -65,7 +65,7 @@ class RecordingOptions:
 
 
 _NAMED: Final = (*(each.name for group in (EndpointOptions, RecordingOptions) for each in fields(group)),)
-"""Arguments of a served board that errors name by their options."""
+"""Arguments of a served board that errors name as options."""
 
 
 @command("lab-scara --control-port 0", "warehouse-scara --machine boards=4,2 --out out/live --port 0")
@@ -141,7 +141,7 @@ def serve(
 def _serve(
     answer: AnswerOptions, served: "ServedBoard", announce: Callable[[], None], out: str | None, *, quiet: bool
 ) -> tuple[dict[str, Any], BusError | RecordingError | None]:
-    """Run the board until a signal ends it and print its report; return this, and what went wrong."""
+    """Run the board until a signal ends it and print its report; return the report, and the error if any."""
     # A second signal changes nothing: the files are being completed then.
     with on_signals(lambda _number, _frame: served.stop()):
         failure = _run(served, announce, quiet=quiet)
@@ -153,7 +153,7 @@ def _serve(
 
 
 def _warn_outside(robot: "Robot", machine: MachineOptions) -> None:
-    """Warn of joints outside their limits: a machine may stand on a limit switch, but a typing error is likelier."""
+    """Warn of joints outside their limits: a machine may be on a limit switch, but a typing error is likelier."""
     from steptwin.host.operate.moving import check_goal
 
     standing = machine.joints(robot)
@@ -164,7 +164,7 @@ def _warn_outside(robot: "Robot", machine: MachineOptions) -> None:
 
 
 def _run(served: "ServedBoard", announce: Callable[[], None], *, quiet: bool) -> BusError | RecordingError | None:
-    """Announce the board and run it until it is stopped, or until its bus fails; return what went wrong.
+    """Announce the board and run it until it is stopped, or until its bus fails; return the error if any.
 
     `quiet` leaves the terminal to another program.
     """
@@ -208,7 +208,7 @@ def _warning_of_failures(served: "ServedBoard") -> Callable[[], None]:
 
 
 def _warning_by_features(board: "LiveBoard") -> Callable[[], None]:
-    """Return a function that tells each warning of a feature, once."""
+    """Return a function that prints each warning of a feature once."""
     told: set[str] = set()
     words = [(words, board.parts[name]) for name, words in _words_of(board).items()]
 
@@ -223,13 +223,13 @@ def _warning_by_features(board: "LiveBoard") -> Callable[[], None]:
 
 
 def _words_of(board: "LiveBoard") -> "dict[str, LiveWords]":
-    """Return what features say of a board on which they have a part, by their names."""
+    """Return the texts of features about a board with a part of theirs, by name."""
     return {feature.name: live() for feature, live in giving("live") if feature.name in board.parts}
 
 
 @contextmanager
 def status_line(served: "ServedBoard") -> Iterator[Callable[[], None]]:
-    """Yield a callback that updates a status on stderr; it does nothing where stderr is not a terminal."""
+    """Yield a function that updates a status on stderr; it does nothing if stderr is not a terminal."""
     from rich.console import Console
     from rich.live import Live
     from rich.text import Text
@@ -254,7 +254,7 @@ def _status(served: "ServedBoard") -> str:
 
 
 def banner(served: "ServedBoard") -> list[str]:
-    """Return what the board is and where, in lines."""
+    """Return the board's description and address, as lines."""
     board = served.board
     name = board.driver_profile.name
     drivers = "" if name == USUAL_DRIVERS else f", drivers: {name}"

@@ -1,6 +1,6 @@
-"""The programs beside a served board: those that features offer, and the one of `serve --exec`.
+"""Programs beside a served board: those of features, and the one of `serve --exec`.
 
-The one of `--exec` is started once the board is served, and its end is the server's.
+The program of `--exec` starts when the board is served, and its end ends the server.
 """
 
 import os
@@ -9,6 +9,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -28,11 +29,11 @@ if TYPE_CHECKING:
 
 
 class ServedPlace(NamedTuple):
-    """A served board, as another command is told of it.
+    """Address of a served board for other commands.
 
     Attributes:
-        robot: the words that name its robot.
-        bus: the options that say where it is.
+        robot: words that name its robot.
+        bus: options with its address.
         control: HOST:PORT of its control port; None without one.
     """
 
@@ -41,52 +42,52 @@ class ServedPlace(NamedTuple):
     control: str | None
 
 
-class ServedProgram:
-    """A feature's options of `steptwin serve`, with the program that they start: a dataclass derived from this."""
+class ServedProgram(ABC):
+    """A feature's options of `steptwin serve` and their program: base class of a dataclass."""
 
     __slots__ = ()
 
     @property
+    @abstractmethod
     def wanted(self) -> bool:
-        """True if the program is to run; raises InputError or BusError if it cannot.
+        """True if the program is wanted; raises InputError or BusError if it cannot run.
 
-        The board then has a control port, and the program says how both are ended.
+        The board then has a control port, and the program prints how to end both.
         """
-        raise NotImplementedError
 
+    @abstractmethod
     def running(self, *, to_stderr: bool) -> AbstractContextManager[Callable[[ServedPlace], None]]:
-        """Start the program for a block, and end it after that; yield what tells it of the board once that is served.
+        """Run the program during the block; yield a function that announces the served board to it.
 
         Args:
-            to_stderr: let the program print to stderr, because stdout is the document's.
+            to_stderr: True to let the program print to stderr, because stdout has the document.
         """
-        raise NotImplementedError
 
 
 _EVERYWHERE: Final = ("0.0.0.0", "::")
 
 
 def reached_at(host: str | None) -> str:
-    """Return the address at which programs of this machine reach a server that listens at one, for a HOST:PORT."""
+    """Return the HOST, for HOST:PORT, at which this machine's programs reach a server that listens at `host`."""
     from steptwin.host.client.links import in_url
 
     return in_url(socketcand.LOOPBACK if host is None or host in _EVERYWHERE else host)
 
 
 _END_S: Final = 5.0
-"""Time that the program of --exec has to end by itself when the server ends before it."""
+"""Time for the program of --exec to end when the server ends first."""
 _LOOK_EVERY_S: Final = 0.02
 _INTERFACE: Final = re.compile(r"v?can\d+")
-"""Names of SocketCAN's interfaces, as programs are told them."""
+"""Names of SocketCAN's interfaces for programs."""
 _BY_SIGNAL: Final = 128
-"""Added to the number of the signal that has ended a program, as shells do."""
+"""Added to the number of the signal that has ended a program, as in shells."""
 CAN_VARIABLE: Final = "STEPTWIN_CAN"
 CONTROL_VARIABLE: Final = "STEPTWIN_CONTROL"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandOptions:
-    """The options that start a program for the served board."""
+    """Options of the program for the served board."""
 
     words: str | None = option(
         "CMD",
@@ -99,10 +100,10 @@ class CommandOptions:
     )
 
     def checked(self, interface: str | None) -> list[str]:
-        """Return the program and its arguments; none if there is to be none.
+        """Return the program and its arguments; empty without one.
 
         Raises:
-            InputError: there is no such program or library, or no server for the library to connect to.
+            InputError: the program or library does not exist, or there is no server for the library to connect to.
         """
         if self.words is None:
             if self.preload is not None:
@@ -128,11 +129,11 @@ class ServedCommand:
     """A program beside a served board.
 
     Attributes:
-        exit_code: its exit code, as shells count; None while it runs, and if the server has ended it.
+        exit_code: its exit code, as in shells; None while it runs, and if the server has ended it.
     """
 
     def __init__(self, options: CommandOptions, interface: str | None) -> None:
-        """Check the options; raises as `CommandOptions.checked`."""
+        """Check the options; raise as `CommandOptions.checked`."""
         self._words = options.checked(interface)
         self._preload = options.preload
         self._process: subprocess.Popen[bytes] | None = None
@@ -140,16 +141,16 @@ class ServedCommand:
 
     @property
     def wanted(self) -> bool:
-        """True if there is a program to start."""
+        """True if there is a program."""
         return bool(self._words)
 
     def start(self, served: "ServedBoard", host: str | None, *, to_stderr: bool) -> None:
         """Start it, if it is wanted; its end stops the board.
 
         Args:
-            served: the board, which listens already.
-            host: address where its server listens, as given.
-            to_stderr: let the program print to stderr, because stdout is the document's.
+            served: the board, already listening.
+            host: given address of its server.
+            to_stderr: True to let the program print to stderr, because stdout has the document.
 
         Raises:
             InputError: the system cannot start it.
@@ -180,7 +181,7 @@ class ServedCommand:
         served.call_every(_LOOK_EVERY_S, look)
 
     def end(self) -> None:
-        """End it if it still runs."""
+        """End it if it is still running."""
         if self._process is None or self._process.poll() is not None:
             return
         self._process.terminate()

@@ -1,4 +1,4 @@
-"""`steptwin doctor ROBOT` and `status ROBOT --connect ...`: whether a live machine is fit to move, and its state."""
+"""`steptwin doctor ROBOT` and `status ROBOT --connect ...`: check a live machine, and show its state."""
 
 from itertools import groupby
 from typing import TYPE_CHECKING, Final
@@ -50,7 +50,7 @@ def doctor(live: LiveOptions, robot: RobotName = None) -> None:
 
 
 def _checks(live: LiveOptions, robot: "Robot") -> "list[Check]":
-    """Make the checks; print each at once, unless all are to be one document."""
+    """Make the checks; print each at once, unless the answer is one document."""
     from steptwin.host.operate.doctor import Check, examine
     from steptwin.host.operate.session import Session
 
@@ -123,12 +123,12 @@ def _print(seen: "MachineStatus") -> None:
 
 
 def _shown(seen: "MachineStatus", width: int) -> "Group":
-    """Return a table of this width, and below it what does not fit into it."""
+    """Return a table of this width, with what does not fit below it."""
     from rich.console import Group
     from rich.text import Text
 
     table, _ = text_table(width, list(_COLUMNS), cells_of(_COLUMNS, seen.axes), text_columns=len(_COLUMNS) - 1)
-    known = all(axis.position_known for axis in seen.axes)  # without a pose all the same there is no tool
+    known = all(axis.position_known for axis in seen.axes)  # without a pose in spite of homed joints there is no tool
     lines = [pose_text(seen.pose)] if seen.pose else []
     lines += [] if seen.pose or known else ["tool: unknown, since not every axis knows where it is"]
     lines += [f"{axis.name}: {_health(axis)}" for axis in seen.axes]
@@ -158,7 +158,7 @@ _COLUMNS: Final[Columns] = {
 
 
 def _in_a_row(errors: "Sequence[str]") -> list[str]:
-    """Return each error once for all that are the same one after the other, with their number."""
+    """Return each error once for consecutive equal ones, with their number."""
     rows = [(error, len(list(same))) for error, same in groupby(errors)]
     return [f"{number} x {error}" if number > 1 else error for error, number in rows]
 

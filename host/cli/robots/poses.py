@@ -1,4 +1,4 @@
-"""`steptwin fk ROBOT Q1 Q2 ...` and `ik ROBOT --x --y --z --phi`: the tool's pose at joint positions, and back."""
+"""`steptwin fk ROBOT Q1 Q2 ...` and `ik ROBOT --x --y --z --phi`: forward and inverse kinematics."""
 
 from dataclasses import MISSING, asdict, dataclass
 from math import hypot, isfinite, isnan, nan
@@ -59,7 +59,7 @@ def matrices_document(kinematics: "Kinematics", joints: "FloatArray") -> dict[st
 
 
 def print_matrices(document: dict[str, Any]) -> None:
-    """Print the table, then three rows for each matrix, whose fourth is always 0 0 0 1."""
+    """Print the table, then three rows of each matrix; the fourth is always 0 0 0 1."""
     links = document["links"]
     modified = document["convention"] == "modified"
     start = "base" if "base" in document else "world"
@@ -86,7 +86,7 @@ def print_matrices(document: dict[str, Any]) -> None:
 
 
 def _plain(array: "FloatArray") -> Any:
-    """Return nested lists, without zeros that have a sign."""
+    """Return nested lists, without negative zeros."""
     return (array + 0.0).tolist()
 
 
@@ -140,7 +140,7 @@ def fk(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceOptions:
-    """The options that say where the tool is to be, and its attitude if a single angle tells it."""
+    """Options for the tool's place, and its attitude if that is a single angle."""
 
     x: float = option("MM", "Tool position x.", default=MISSING, read=finite_number)
     y: float = option("MM", "Tool position y.", default=MISSING, read=finite_number)
@@ -149,7 +149,7 @@ class PlaceOptions:
 
     @property
     def coordinates(self) -> dict[str, float]:
-        """The coordinates that are given, by name."""
+        """The given coordinates, by name."""
         return {"x": self.x, "y": self.y, "z": self.z} | ({} if self.phi is None else {"phi": self.phi})
 
 
@@ -193,7 +193,7 @@ def ik(
 def _pose(
     robot: "Robot", kinematics: "Kinematics", place: dict[str, float], orientation: "Orientation | None"
 ) -> "Pose":
-    """Return the pose that is asked for; raise InputError unless it is one that the tool can be told, and whole."""
+    """Return the requested pose; raise InputError if it is incomplete, or not one of this tool."""
     from steptwin.host.robots.poses import DIRECTION_TASK
 
     task = kinematics.task
@@ -220,14 +220,14 @@ def _print_branches(branches: "Sequence[Branch]", names: tuple[str, ...]) -> Non
 
 
 class _RoundTrip(NamedTuple):
-    """The distance of the forward kinematics of a branch from the pose asked for; NaN where there are no joints."""
+    """Distance of a branch's forward kinematics from the requested pose; NaN without joints."""
 
     position_mm: float
     attitude_deg: float
 
 
 def _round_trip(kinematics: "Kinematics", branch: "Branch", pose: "Pose") -> _RoundTrip:
-    """Return a branch's round trip; the attitude of a tool that does not turn by itself is its own."""
+    """Return a branch's round trip; the attitude of a tool that does not turn by itself is left out."""
     import numpy as np
 
     reached, wanted = kinematics.forward(branch.joints)[0], np.array(pose)
@@ -261,10 +261,10 @@ def _pose_document(kinematics: "Kinematics", pose: "Pose") -> dict[str, Any]:
 
 
 def _figure(value: float) -> str:
-    """Return four decimals; a dash where no joint position reaches the pose."""
+    """Return four decimals; a dash for an unreachable pose."""
     return fixed(value) if isfinite(value) else "-"
 
 
 def _finite(value: float) -> float | None:
-    """Return None for the joints of a pose out of reach: JSON has no NaN."""
+    """Return None for the joints of an unreachable pose: JSON has no NaN."""
     return value if isfinite(value) else None

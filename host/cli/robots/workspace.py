@@ -1,4 +1,4 @@
-"""`steptwin workspace ROBOT`: compute where the tool can be, as figures and as a picture."""
+"""`steptwin workspace ROBOT`: compute the reachable positions of the tool, as figures and as a picture."""
 
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class WorkspaceOptions:
-    """The options that say how the workspace is computed, and where it is cut."""
+    """Options for the computation of the workspace, and for its sections."""
 
     samples: int = option("N", "Random joint positions, up to 10 million.", default=100_000)
     seed: int = option("N", "Seed of the random joint positions.", default=1)
@@ -103,7 +103,7 @@ _FILES: Final = ("workspace.json", "cloud.csv", "workspace.png", "workspace-3d.p
 
 
 def _write(folder: Path, robot: "Robot", document: dict[str, Any], cloud: "MonteCarlo", scanned: "Scan | None") -> bool:
-    """Write the folder's files together; return False if the pictures are left out because matplotlib is missing."""
+    """Write the folder's files together; return False if the pictures are left out without matplotlib."""
     with files_together(folder, stale=_FILES) as parts:
         return _write_parts(parts, robot, document, cloud, scanned)
 
@@ -154,7 +154,7 @@ def _print_figures(robot: "Robot", document: dict[str, Any]) -> None:
 
 
 def _figure(figures: dict[str, Any], key: str) -> str:
-    """Return a length to the micrometre, an area to the mm2: further digits would only show how fine the scan is."""
+    """Return a length to the micrometre, an area to the mm2; further digits would depend on the scan."""
     value = figures.get(key)
     if value is None:
         return "-"

@@ -1,4 +1,4 @@
-"""`steptwin check my-arm.toml`: what a robot file amounts to."""
+"""`steptwin check my-arm.toml`: check a robot file and print its content."""
 
 from dataclasses import asdict, astuple
 from typing import TYPE_CHECKING, Any, Final
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 _SMALL_MM: Final = 5.0
 """Reach below which the dimensions are probably in metres."""
 _SAMPLES: Final = 2000
-"""Random joint positions for which the tool's error is computed."""
+"""Number of random joint positions for the tool's error."""
 _NARROW_DEG: Final = 6.3
-"""Range of a rotary joint, up to a whole turn in radians, below which its limits are probably in radians."""
+"""Range of a rotary joint, a turn in radians, below which its limits are probably in radians."""
 
 _PIN_V: Final = 3.3
 """High level of a board's pin: the supply of an STM32."""
 _PIN_MA: Final = 8.0
-"""Current that a pin of an STM32F103 gives or takes at its logic levels (DS5319, output voltage characteristics)."""
+"""Current of a pin of an STM32F103 at its logic levels (DS5319, output voltage characteristics)."""
 
 
 def check_robot(text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
@@ -57,7 +57,7 @@ def _document(robot: "Robot") -> dict[str, Any]:
 
 
 def _reach(robot: "Robot") -> dict[str, Any] | None:
-    """Return where the tool can be, by exact sections or else by random joints; None without a tool."""
+    """Return the tool's reach, by exact sections or by random joints; None without a tool."""
     from steptwin.host.robots.kinematics import make_kinematics
     from steptwin.host.robots.workspace import has_sections, monte_carlo, scan
 
@@ -77,7 +77,7 @@ def _reach(robot: "Robot") -> dict[str, Any] | None:
 
 
 def _dh_errors_document(robot: "Robot") -> dict[str, Any]:
-    """Return the errors of the DH parameters, and how far they take the tool away: at home, and at random joints."""
+    """Return the errors of the DH parameters, and the tool's deviation by them at home and at random joints."""
     import numpy as np
 
     from steptwin.host.robots.kinematics.chain import actual_chain, random_joints
@@ -99,7 +99,7 @@ def _dh_errors_document(robot: "Robot") -> dict[str, Any]:
 
 
 def _equations(robot: "Robot") -> list[str]:
-    """Return the equation of each axis that does not follow its own joint alone, as in `axis th2 = th2 + th1`."""
+    """Return the equation of each axis that depends on other joints, as in `axis th2 = th2 + th1`."""
     equations = []
     for axis, row in enumerate(robot.coupling.matrix):
         own = robot.coupling.joint_of(axis)
@@ -134,7 +134,7 @@ def _units_in_doubt(document: dict[str, Any]) -> list[str]:
 
 
 def _task_too_large(robot: "Robot") -> list[str]:
-    """Return a warning if a chain's tool is told more than its joints can give: most poses are then out of reach."""
+    """Return a warning if a chain's task has more coordinates than its joints can move: few poses are then in reach."""
     from steptwin.host.robots.kinematics.base import read_geometry
     from steptwin.host.robots.kinematics.serial.chain_geometry import TASKS, ChainGeometry
 
@@ -152,7 +152,7 @@ def _task_too_large(robot: "Robot") -> list[str]:
 
 
 def _levels_missed(robot: "Robot") -> list[str]:
-    """Return a warning if the board's pins do not drive the inputs of the drivers that the file names."""
+    """Return a warning if the board's pins do not drive the inputs of the file's drivers."""
     profile = robot.board.profile
     high_v, light_ma = profile.inputs.value
     needs, have = [], []

@@ -1,18 +1,18 @@
-"""Choose the motion of `steptwin run`: a job, a program or a trajectory file, as fast as the options ask for."""
+"""Choose the motion of `steptwin run`: a job, a program or a trajectory file, with its speed."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from steptwin.host.cli.arguments import AnswerOptions, finite_number, positive_number
-from steptwin.host.cli.options import naming_options, option, with_options
+from steptwin.host.cli.options import naming_options, of_features, option, with_options
 from steptwin.host.cli.output import say, warn
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.choices import name_value_pairs
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.features import drive_model
+from steptwin.host.common.features import FileOptions, drive_model
 
 if TYPE_CHECKING:
     from steptwin.host.planning.drives import DriveLimits
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 _SHOWN: Final = 0.0005
-"""Smallest departure that three decimals show."""
+"""Smallest deviation that three decimals show."""
 
 _KINDS: Final = {
     "spline": "a spline",
@@ -41,59 +41,72 @@ _REMEDY_FOR_THE_TOOL: Final = "more points or a program's `line` steps keep clos
 
 
 _LEFT: Final = "left_percent"
-"""Option of fastest motions: percent of the drives' torque that are left."""
+"""Option of fastest motions: percentage of the drives' torque that remains."""
 _OF_FILES: Final = ("interpolate", "ramps_s", "units", "elbow", "law")
-"""Options of trajectory files besides."""
+"""Further options of trajectory files."""
 
 
 @dataclass(frozen=True, slots=True)
 class MotionOptions:
-    """The options of a motion: those of its job or file, and how much slower it is made."""
+    """Options of a motion: those of its job or file, and its slowness."""
 
     pairs: list[str] | None = option(
         "NAME=VALUE",
         "Set an option of the job (`steptwin jobs ROBOT` lists them); of a trajectory file: interpolate=spline, linear"
         " or stop, ramps_s=SECONDS, units=rad,m, elbow=right or left, law=fastest; with law=fastest"
-        " left_percent=PERCENT. Repeatable (docs/trajectory-files.md).",
+        " left_percent=PERCENT; of a file that a step of programs runs: a key of the step. Repeatable"
+        " (docs/trajectory-files.md, docs/programs.md).",
         "--option",
         "-o",
     )
     stretch: str | None = option(
         "FACTOR|auto", "Make the motion this many times slower; auto: just as slow as it must be."
     )
+    files: Sequence[FileOptions] = of_features("file_options")
 
     def by_name(self) -> dict[str, str]:
-        """Return the options by name; raise InputError for one of another form, or one that is given twice."""
+        """Return the options by name; raise InputError for one of another form, or for a repeated one."""
         return name_value_pairs(self.pairs or [])
 
     def of_job(self) -> dict[str, str]:
-        """Return those that the job or the file takes; raises as `by_name`."""
+        """Return the options of the job or the file; raise as `by_name`."""
         return {name: text for name, text in self.by_name().items() if name != _LEFT}
 
+    def keys(self, file: str) -> dict[str, str]:
+        """Return the keys of the step that runs a file; raise InputError for an option of another kind of file."""
+        return keys_of(self.files, file)
+
     def drives(self, robot: "Robot") -> "DriveLimits | None":
-        """Return the drives that limit the motion; None unless so much of their torque is to be left."""
+        """Return the drives that limit the motion; None without the option for their remaining torque."""
         text = self.by_name().get(_LEFT)
         if text is None:
             return None
         from steptwin.host.planning.drives import AskedLimits, known_drives
 
         percent = finite_number(text, f"option {_LEFT}")
+        with prefixed("option "):
+            limits = AskedLimits("motors", percent)
         with prefixed(f"option {_LEFT}: "):
-            return AskedLimits(percent).drives(robot, known_drives())
+            return limits.drives(robot, known_drives())
 
     def factor(self) -> float | None:
-        """Return how many times slower the motion is to be; None for no slower, and for `--stretch auto`."""
+        """Return the factor on the motion's duration; None without one, and for `--stretch auto`."""
         return None if self.stretch in (None, "auto") else positive_number(self.stretch, "--stretch")
 
 
+def keys_of(files: Sequence[FileOptions], file: str) -> dict[str, str]:
+    """Return the keys, given by the features' options, of the step that runs a file."""
+    return {key: text for options in files for key, text in options.keys(file).items()}
+
+
 AS_PLANNED: Final = MotionOptions(None, None)
-"""No options: a motion as its job or file has it."""
+"""No options: a motion as in its job or file."""
 
 
 def _read_file(
     robot: "Robot", path: str, options: Mapping[str, str], drives: "DriveLimits | None" = None
 ) -> "FileMotion":
-    """Return the motion in a trajectory file; raise InputError as `read_trajectory`, or for an unknown option."""
+    """Read the motion of a trajectory file; raise InputError as `read_trajectory`, or for an unknown option."""
     from steptwin.host.planning.trajectory_file import read_file_motion
 
     for name in options:
@@ -132,7 +145,7 @@ def _summary(file: "FileMotion", plan: "Plan") -> str:
 
 
 def _warning(file: "FileMotion", large: "list[Departure]") -> str:
-    """Return where the motion is farthest off, measured by what is allowed, and what keeps closer."""
+    """Return where the motion deviates most, relative to the tolerance, and the remedy."""
     worst = max(large, key=lambda departure: departure.distance / departure.allowed)
     remedy = _REMEDIES[file.interpolation or "spline"] if file.points.tool_mm is None else _REMEDY_FOR_THE_TOOL
     size = f"{worst.what} {worst.distance:.3g} {worst.unit} at t = {worst.t_s:.3f} s"
@@ -141,13 +154,13 @@ def _warning(file: "FileMotion", large: "list[Departure]") -> str:
 
 @dataclass(frozen=True, slots=True)
 class ChosenMotion:
-    """The motion that a command line names, planned.
+    """The planned motion of a command line.
 
     Attributes:
         job: name of the job, the program or the file.
         plan: the motion, checked.
         file: the motion with its file's points; None for a job or a program.
-        doubted: what is to be asked about the file's units; None if nothing is.
+        doubted: question about the file's units; None without one.
     """
 
     job: str
@@ -155,10 +168,10 @@ class ChosenMotion:
     file: "FileMotion | None"
     doubted: str | None = None
 
-    def say_summary(self, answer: AnswerOptions) -> None:
-        """Print what a trajectory file amounts to, and how far the motion leaves the lines between its points.
+    def print_summary(self, answer: AnswerOptions) -> None:
+        """Print a summary of a trajectory file, with the motion's deviation from the lines between its points.
 
-        Then print what is doubtful about it. Of a job or a program, print nothing.
+        Then print doubts about it. For a job or a program, print nothing.
         """
         file, path = self.file, self.job
         if file is None:
@@ -185,11 +198,12 @@ class ChosenMotion:
 def choose_motion(
     robot: "Robot", job: str, options: Mapping[str, str], motion_options: MotionOptions = AS_PLANNED
 ) -> ChosenMotion:
-    """Return the motion that a command line names, with options of its job or file.
+    """Return the motion of a command line, with options of its job or file.
 
     Raises:
-        InputError: the robot cannot make it, or an option is wrong, which the message names.
+        InputError: the robot cannot execute it, or an option is invalid, which the message names.
     """
+    options = {**options, **motion_options.keys(job)}
     trajectory, file, explained, is_foretold = _motion(robot, job, options, motion_options.drives(robot))
     plan = _planned(robot, trajectory, motion_options, explained)
     model = drive_model() if is_foretold else None
@@ -204,11 +218,11 @@ def choose_motion(
 
 
 _Explained = Callable[[float], AbstractContextManager[None]]
-"""Says more about the refusal of a motion that was stretched by a factor."""
+"""Explains the refusal of a motion that was stretched by a factor."""
 
 
 class _Motion(NamedTuple):
-    """A motion, its points if a trajectory file has them, what explains its refusal, and if its motors are foretold."""
+    """A motion, the points of its trajectory file, the explanation of a refusal, and True for a motor forecast."""
 
     trajectory: "Trajectory"
     file: "FileMotion | None"
@@ -220,12 +234,13 @@ def _motion(robot: "Robot", job: str, options: Mapping[str, str], drives: "Drive
     """Return the motion that a command line names."""
     from steptwin.host.planning.jobs import job_names, make_job
     from steptwin.host.planning.programs import SUFFIX
+    from steptwin.host.planning.programs.step_files import is_step_file
     from steptwin.host.planning.trajectory_file import SUFFIXES, is_trajectory_file
 
     if is_trajectory_file(job):
         file = _read_file(robot, job, options, drives)
         return _Motion(file.trajectory, file, file.explained)
-    if job.endswith(SUFFIX):
+    if job.endswith(SUFFIX) or is_step_file(job):
         if drives is not None:
             raise InputError(f"option {_LEFT}: a program asks itself, by [limits] left_percent (docs/motors.md)")
         return _program(robot, job, options)
@@ -240,14 +255,17 @@ def _motion(robot: "Robot", job: str, options: Mapping[str, str], drives: "Drive
 
 
 def _program(robot: "Robot", path: str, options: Mapping[str, str]) -> _Motion:
+    """Return the motion of a program, or of a file that a step of a program runs."""
     from steptwin.host.planning.drives import known_drives
-    from steptwin.host.planning.programs import compile_program, read_program
+    from steptwin.host.planning.programs import SUFFIX, compile_program, read_program
+    from steptwin.host.planning.programs.step_files import read_step_file, without_step
 
-    if options:
+    is_program = path.endswith(SUFFIX)
+    if options and is_program:
         raise InputError(f"option {next(iter(options))}: a program has no options")
     try:
-        program = read_program(path)
-        with prefixed(f"{path}: "):
+        program = read_program(path) if is_program else read_step_file(path, options)
+        with prefixed(f"{path}: "), nullcontext() if is_program else without_step(Path(path).name):
             compiled = compile_program(program, robot, drives=known_drives())
     except InputError as error:
         if len(error.messages) == 1:
@@ -256,6 +274,7 @@ def _program(robot: "Robot", path: str, options: Mapping[str, str]) -> _Motion:
     for row in compiled.steps:
         drives = () if row.drives is None else (str(row.drives),)
         say(*(f"{path}: {row.place}: {sentence}" for sentence in (*row.passed(), *drives)), err=True)
+        say(*(f"{path}: {note}" for note in row.notes if not is_program), err=True)
 
     @contextmanager
     def explained(stretch: float) -> Iterator[None]:
@@ -266,7 +285,7 @@ def _program(robot: "Robot", path: str, options: Mapping[str, str]) -> _Motion:
 
 
 def _planned(robot: "Robot", trajectory: "Trajectory", options: MotionOptions, explained: _Explained) -> "Plan":
-    """Plan a motion as slow as the options want it, and say what that makes of it."""
+    """Plan a motion with its slowness, and print the consequence."""
     from steptwin.host.planning.planner import plan, plan_stretched
 
     factor = options.factor()

@@ -1,4 +1,4 @@
-"""Let features take part in `steptwin run`: before the motion is planned, as it runs, and after it."""
+"""Hooks of features in `steptwin run`: before planning, during the run, and after it."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 
 class Prepared(NamedTuple):
-    """What a feature has prepared for a run.
+    """Result of a feature's preparation of a run.
 
     Attributes:
         options: the job's options.
         extra: options of the emulated machine; None without any.
-        kept: what its `finish` is given.
+        kept: argument of its `finish`.
     """
 
     options: Mapping[str, str]
@@ -35,13 +35,13 @@ class Prepared(NamedTuple):
 
 
 class Added(NamedTuple):
-    """What a feature adds to a run that has ended.
+    """Addition of a feature to an ended run.
 
     Attributes:
-        outcome: the run, with what the feature has found.
-        print: prints what it has found, after the report.
-        save: writes files of its own into the run's folder; the second argument says whether there are pictures.
-        answer: the sentence with which the run's report begins; empty for none.
+        outcome: the run, with the feature's evidence.
+        print: prints the evidence, after the report.
+        save: writes files into the run's folder; the second argument is True if there are pictures.
+        answer: first sentence of the run's report; empty for none.
     """
 
     outcome: "Outcome"
@@ -51,39 +51,39 @@ class Added(NamedTuple):
 
 
 class RunHook:
-    """A feature's options of `steptwin run`, with what they do: a dataclass that is derived from this."""
+    """A feature's options of `steptwin run` and their effects: base class of a dataclass."""
 
     __slots__ = ()
 
     @property
     def loads_numba(self) -> bool:
-        """True if numba is loaded in any case, if it is installed."""
+        """True if the run loads numba in any case, if it is installed."""
         return False
 
     def words_taken(self, _robot: "Robot") -> int:
-        """Return how many words after the job it takes."""
+        """Return the number of words that it takes after the job."""
         return 0
 
     def prepare(self, _robot: "Robot", _job: str, options: Mapping[str, str], _words: Sequence[str]) -> Prepared:
-        """Prepare a run; raise InputError if that cannot be done."""
+        """Prepare a run; raise InputError if that is impossible."""
         return Prepared(options)
 
     def watching(self, progress: "Progress") -> "Progress":
-        """Return what is told of the run's progress, and tells it."""
+        """Return a progress function in place of `progress`."""
         return progress
 
     def add(self, _outcome: "Outcome") -> Added | None:
-        """Look at a run that has ended, before it is told and kept; None if there is nothing to add."""
+        """Examine an ended run before it is reported and stored; None for no addition."""
         return None
 
     def finish(self, _robot: "Robot", _kept: Any) -> str:
-        """Do what is to be done after a verified run; return a line about it, which may be empty."""
+        """Complete a verified run; return a line about it, which may be empty."""
         return ""
 
 
 @dataclass(frozen=True, slots=True)
 class PreparedRun:
-    """A run that all features have prepared.
+    """A run prepared by all features.
 
     Attributes:
         job: the job, or the file.
@@ -97,7 +97,7 @@ class PreparedRun:
     _kept: Sequence[tuple[RunHook, Any]]
 
     def finish(self, robot: "Robot") -> list[str]:
-        """Let the features finish a verified run; return their lines."""
+        """Let features complete a verified run; return their lines."""
         return [line for hook, kept in self._kept if (line := hook.finish(robot, kept))]
 
 
@@ -109,11 +109,11 @@ def prepare_run(
     Args:
         hooks: the features' options.
         robot: the robot.
-        words: the job or file, and the words behind it, which the features take in turn.
+        words: the job or file, and further words for features, in turn.
         options: the job's options.
 
     Raises:
-        InputError: there is no job, or a word that no feature takes, or a feature cannot prepare the run.
+        InputError: there is no job, a word is not taken by any feature, or a feature cannot prepare the run.
     """
     if not words:
         raise InputError("one JOB or FILE is needed after the robot, not nothing")
@@ -134,13 +134,13 @@ def prepare_run(
 
 
 def tellings() -> "list[Telling]":
-    """Return what prints the features' keys of documents."""
+    """Return the printers of the features' keys of documents."""
     return [made() for _, made in giving("telling")]
 
 
 @contextmanager
 def telling_unbegun(answer: "AnswerOptions") -> Iterator[None]:
-    """Print what features say of a run if an error ends the block before the motion has begun."""
+    """Print the features' verdicts if an error ends the block before the motion has begun."""
     from steptwin.host.twin.embedded.outcome import NotBegunError
 
     try:

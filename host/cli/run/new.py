@@ -24,25 +24,25 @@ if TYPE_CHECKING:
 
 
 class RobotSource(Protocol):
-    """A feature's options of `steptwin new`: what makes a robot of another kind of file."""
+    """A feature's options of `steptwin new` for robots from other files."""
 
     def robot(self, name: str, kind: str | None, given: dict[str, str], original: str | None) -> "NewRobot | None":
-        """Return the robot of the file that the options name, or that --from names (`original`); None without one.
+        """Return the robot of the named file, or of --from (`original`); None without one.
 
         Raises:
-            InputError: the options do not go together, or something is wrong in the file.
+            InputError: the options exclude each other, or the file is invalid.
         """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class SourceOptions:
-    """What features make robots of."""
+    """Sources of robots by features."""
 
     sources: Sequence[RobotSource] = of_features("new_options")
 
     def robot(self, name: str, kind: str | None, given: dict[str, str], original: str | None) -> "NewRobot | None":
-        """Return the robot of the file that is named; None without one."""
+        """Return the robot of the named file; None without one."""
         made = [source.robot(name, kind, given, original) for source in self.sources]
         return next((robot for robot in made if robot is not None), None)
 
@@ -137,7 +137,7 @@ def new(
 
 
 def _copy(answer: AnswerOptions, path: Path, original: str, foreign: list[str]) -> None:
-    """Write the file of a robot that StepTwin brings under another name; raise InputError for an unknown robot."""
+    """Write a copy of one of StepTwin's robots under another name; raise InputError for an unknown robot."""
     from steptwin.host.robots import brought_text, read_robot
 
     if foreign:
@@ -152,7 +152,7 @@ def _copy(answer: AnswerOptions, path: Path, original: str, foreign: list[str]) 
 
 
 def _tell(answer: AnswerOptions, file: str, document: dict[str, Any]) -> None:
-    """Print what has been written."""
+    """Print a summary of the written file."""
     answer.tell(
         {"file": file, **document},
         f"{file}: a robot of the kind {document['kind']} with the joints {' '.join(document['joints'])}",
@@ -176,7 +176,7 @@ def _asked_kind() -> str:
 
 
 def _asked(name: str, kind: str, given: dict[str, str]) -> dict[str, str]:
-    """Ask for every dimension and every value of a joint that is not given, until they make a robot."""
+    """Ask for missing dimensions and joint values until they make a robot."""
     from steptwin.host.robots.new_file import robot_text, with_settings
 
     usual: dict[str, str] = {}

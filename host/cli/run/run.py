@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveRunOptions(SessionOptions):
-    """The options of a run that a live board may make."""
+    """Options of a run that also apply to a live board."""
 
     repeat: int = live_option("N", "Number of times the motion runs.", default=1)
     approach: bool = live_switch("Move to the start first, all joints together.")
 
     def refuse(self) -> None:
-        """Raise InputError for an option that is given, without a live board."""
+        """Raise InputError for an option that is given without a live board."""
         for name in ("--repeat", "--approach", "--force"):
             if name in given_options(self):
                 raise InputError(f"{name}: is for a live board")
@@ -65,12 +65,12 @@ def run(
         run_virtual(live, motion, prepared, virtual)
     else:
         virtual.refuse()
-        motion.say_summary(live)
+        motion.print_summary(live)
         run_live(live, motion)
 
 
 def _robot_and_rest(live: LiveRunOptions, words: list[str] | None) -> "tuple[Robot, list[str]]":
-    """Return the robot and the words after it; a program without a robot before it may name its own."""
+    """Return the robot and the remaining words; a program may name its robot itself."""
     from steptwin.host.planning.programs import SUFFIX, read_program
     from steptwin.host.planning.programs.program import load_own_robot
 
@@ -85,7 +85,7 @@ def _robot_and_rest(live: LiveRunOptions, words: list[str] | None) -> "tuple[Rob
 
 
 def run_live(live: LiveRunOptions, motion: ChosenMotion) -> None:
-    """Run a motion on a live board and print how it ended; raises as `execute_live` does."""
+    """Run a motion on a live board and print its end; raise as `execute_live`."""
     from steptwin.host.operate.running import check_repeatable, execute_live
 
     plan, job = motion.plan, motion.job

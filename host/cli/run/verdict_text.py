@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from steptwin.host.verify.figures import ReportFigure
 
 USUAL_DRIVERS: Final = "chip-330pf"
-"""Driver profile that a report does not mention."""
+"""Driver profile that reports do not mention."""
 
 
 def fault_line(fault: Mapping[str, Any]) -> str:
-    """Return what ended a run, where the joints stopped, and whether the drivers' counts agree."""
+    """Return a line about the fault that ended a run: joint positions, and whether the drivers' counts agree."""
     joints = ", ".join(f"{name} = {fixed(value)}" for name, value in fault["joints"].items())
     agree = "as the drivers counted" if fault["positions_agree"] else "but the drivers counted otherwise"
     return f"{fault['message']}; stopped at {joints}, {agree}"
@@ -54,11 +54,12 @@ def print_report(document: Mapping[str, Any]) -> None:
         )
     if document["simulated"]:
         _print_traffic(document)
-    _print_verdict(document)
+    verdict, *reasons = verdict_words(document)
+    say(f"{document['robot']} {document['job']}: {verdict}", *(f"  {reason}" for reason in reasons))
 
 
 def _print_outputs(outputs: list[dict[str, Any]]) -> None:
-    """Print when each output changed, or that it already had the planned level; nothing where no output did either."""
+    """Print the time of each output's change, or that it had the planned level already; nothing without any."""
     said = (
         f"{output['name']} {'on' if output['on'] else 'off'} "
         + ("already" if output["already"] else f"{output['changed_s']:.3f} s")
@@ -70,21 +71,16 @@ def _print_outputs(outputs: list[dict[str, Any]]) -> None:
 
 
 def _print_traffic(document: Mapping[str, Any]) -> None:
-    """Print the bus' load and how fast the run was; a capture of a real controller has neither."""
+    """Print the load of the bus and the speed of the run; a capture of a real controller has neither."""
     bus = document["bus"]
     say(f"bus: {bus['frames']} frames at {bus['bitrate'] // 1000} kbit/s, {bus['load_percent']:.1f} % load")
     simulated_s, wall_s = document["simulated_s"], document["wall_s"]
-    speed = f", {simulated_s / wall_s:.0f} x real time" if wall_s else ""  # a stored report may say 0
+    speed = f", {simulated_s / wall_s:.0f} x real time" if wall_s else ""  # a stored report may have 0
     say(f"SIMULATED {simulated_s:.2f} s in {wall_s:.2f} s{speed}")
 
 
-def _print_verdict(document: Mapping[str, Any]) -> None:
-    verdict, *reasons = verdict_words(document)
-    say(f"{document['robot']} {document['job']}: {verdict}", *(f"  {reason}" for reason in reasons))
-
-
 def print_waits(document: Mapping[str, Any]) -> None:
-    """Print how long the machine stood at each wait for an input; nothing for a motion without one."""
+    """Print the duration of each wait for an input; nothing for a motion without one."""
     said = (
         f"{wait['input']} {'on' if wait['on'] else 'off'} for {wait['stood_s']:.3f} s from {wait['at_s']:.3f} s"
         + (", then timed out" if wait.get("timed_out") else "")
@@ -95,7 +91,7 @@ def print_waits(document: Mapping[str, Any]) -> None:
 
 
 def _print_violations(violations: list[dict[str, Any]]) -> None:
-    """Print a table for each broken rule, with a row for each axis that broke it."""
+    """Print a table for each violated limit, with a row for each axis."""
     for what, source in dict.fromkeys((v["broken"], v["source"]) for v in violations):
         say(f"{what} ({source})")
         same = [v for v in violations if (v["broken"], v["source"]) == (what, source)]
@@ -116,7 +112,7 @@ def _least(axes: list[dict[str, Any]], key: str) -> str:
 
 
 def print_axes(document: Mapping[str, Any]) -> None:
-    """Print a row for each axis, with those figures of the core and of features that the document has."""
+    """Print a row for each axis, with the document's figures of core and features."""
     from steptwin.host.verify.figures import figure_values
 
     columns: Columns = {

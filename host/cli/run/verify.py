@@ -18,31 +18,31 @@ if TYPE_CHECKING:
 
 
 class OtherEvidence(Protocol):
-    """A feature's options of `steptwin verify`: evidence of another kind than the folder of a run."""
+    """A feature's options of `steptwin verify` for evidence other than a run's folder."""
 
     @property
     def usage(self) -> str:
-        """The option that names the evidence, with the word for its value."""
+        """Option that names the evidence, with the placeholder of its value."""
         ...
 
     @property
     def source(self) -> str | None:
-        """The same with the value; None if it is not given."""
+        """Option with its value; None if it is not given."""
         ...
 
     def verify(self, answer: AnswerOptions, plan: Path | None) -> bool:
-        """Verify the evidence beside a plan, and print the answer; return whether it has passed."""
+        """Verify the evidence against a plan, and print the answer; return whether it has passed."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class EvidenceOptions:
-    """What features verify beside the folders of runs."""
+    """Evidence that features verify besides the folders of runs."""
 
     others: Sequence[OtherEvidence] = of_features("verify_options")
 
     def chosen(self) -> OtherEvidence | None:
-        """Return the evidence that is named; None for a folder. Raises InputError for an option without it."""
+        """Return the named evidence; None for a folder. Raise InputError for an option without its evidence."""
         for other in self.others:
             if other.source is not None:
                 return other
@@ -104,7 +104,7 @@ def _verify_folder(answer: AnswerOptions, folder: Path, plan: Path | None) -> No
 
 
 def _document(verdict: "FolderVerdict") -> dict[str, Any]:
-    """Return the document as `run --json` prints it; a changed folder is not evidence of a fault."""
+    """Return the document of `run --json`; a changed folder is no evidence of a fault."""
     from steptwin.host.record.folder import stop_document
 
     document = verdict.report.to_dict()

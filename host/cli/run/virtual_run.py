@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VirtualRunOptions:
-    """The options of a run in virtual time: the emulated machine, what happens in the run, what is kept of it."""
+    """Options of a run in virtual time: emulated machine, events of the run, and files."""
 
     out: str | None = option("DIR", "Folder to write report, edges, bus log and pictures into.")
     hooks: Sequence[RunHook] = of_features("run_options")
@@ -47,12 +47,12 @@ class VirtualRunOptions:
     machine: Annotated[MachineOptions, Without(())]
 
     def refuse(self) -> None:
-        """Raise InputError for an option that is given, with a live board."""
+        """Raise InputError for an option that is given with a live board."""
         for name in given_options(self):
             raise InputError(f"{name}: is for a run in virtual time, without --connect or -i")
 
     def machine_for(self, robot: "Robot", extras: Sequence[Any]) -> MachineOptions:
-        """Return the machine's options, read, over those that features have prepared; raises as `machine_for`."""
+        """Return the machine's options with those of features; raise as `machine_for`."""
         return machine_for(robot, replace(self.machine, extras=merged(self.machine.extras, extras)))
 
     @property
@@ -62,11 +62,11 @@ class VirtualRunOptions:
 
 
 def run_virtual(answer: AnswerOptions, motion: ChosenMotion, prepared: PreparedRun, options: VirtualRunOptions) -> None:
-    """Run a motion, tell what it did, and keep it where that is asked for.
+    """Run a motion, print the result, and store it if requested.
 
     Raises:
-        DeviceFaultError: a fault has ended a run of which no feature has a verdict.
-        Exit: the run is not verified, a feature's verdict is that it failed, or a feature has found a reason after it.
+        DeviceFaultError: a fault has ended the run, without a feature's verdict.
+        Exit: the run is not verified, or a feature has a failed verdict or a later reason.
     """
     from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY
 
@@ -78,8 +78,11 @@ def run_virtual(answer: AnswerOptions, motion: ChosenMotion, prepared: PreparedR
     if folder is not None:
         what = "report, edges, bus log and pictures" if pictures else "report, edges and bus log"
         answer.add_files(f"{what} are", folder, pictures=pictures)
-    _raise_unless_right(done.outcome)
-    if done.outcome.passed:
+    outcome = done.outcome
+    if outcome.fault and not outcome.verdicts:
+        raise DeviceFaultError(fault_line(outcome.fault.to_dict()))
+    end_unless(outcome.right and not outcome.late_reasons)  # right by the verdicts of features, if there are any
+    if outcome.passed:
         for line in prepared.finish(motion.plan.robot):
             answer.add(line)
 
@@ -87,14 +90,14 @@ def run_virtual(answer: AnswerOptions, motion: ChosenMotion, prepared: PreparedR
 def _executed(
     answer: AnswerOptions, motion: ChosenMotion, prepared: PreparedRun, options: VirtualRunOptions
 ) -> "tuple[Outcome, Path | None]":
-    """Check everything that is asked for before anything runs; return what the run did, and the folder to keep it."""
+    """Check all options before the run; return its outcome, and the folder to store it."""
     from steptwin.host.twin.embedded.execution import execute
     from steptwin.host.twin.machine.kernels import soonest_is_compiled, telling_of_compiling
 
     robot = motion.plan.robot
     folder = None if options.out is None else run_folder(options.out)
     machine = options.machine_for(robot, prepared.extras)
-    motion.say_summary(answer)
+    motion.print_summary(answer)
     compiled = options.kernel == "numba" or options.loads_numba or soonest_is_compiled(motion.plan)
     with (
         telling_of_compiling(say_compiling, wanted=compiled and options.kernel in ("auto", "numba")),
@@ -119,11 +122,11 @@ def _executed(
 
 @dataclass(frozen=True, slots=True)
 class FinishedRun:
-    """A run with what features have added.
+    """A run with the additions of features.
 
     Attributes:
         outcome: the run.
-        added: what was added to it.
+        added: additions of features.
     """
 
     outcome: "Outcome"
@@ -131,7 +134,7 @@ class FinishedRun:
 
     @classmethod
     def of(cls, outcome: "Outcome", hooks: Iterable[RunHook]) -> "FinishedRun":
-        """Let features look at a run."""
+        """Let features examine a run."""
         added = list[Added]()
         for hook in hooks:
             if more := hook.add(outcome):
@@ -147,11 +150,11 @@ class FinishedRun:
         return pictures
 
     def document(self) -> dict[str, Any]:
-        """Return the document that --json prints."""
+        """Return the document of --json."""
         return self.outcome.to_dict()
 
     def print(self) -> None:
-        """Print the report, what features say of the run, and what they have added."""
+        """Print the report, the texts of features, and their additions."""
         document = self.outcome.to_dict()
         for each in self.added:
             if each.answer:
@@ -161,33 +164,21 @@ class FinishedRun:
             telling.print_run(document)
         for each in self.added:
             each.print()
-        say_what_is_faster(document["wall_s"])
+        print_missing_extra(document["wall_s"])
 
 
 _LONG_S: Final = 3.0
-"""Time of a run below which numba would win little."""
+"""Duration of a run below which numba would save little."""
 
 
-def say_what_is_faster(wall_s: float) -> None:
-    """Print on stderr, after a run that took long, which extra would make it faster, if that is not installed."""
+def print_missing_extra(wall_s: float) -> None:
+    """Print on stderr, after a long run, the missing extra that would make it faster."""
     if wall_s > _LONG_S and not find_spec("numba"):
         say(f"numba makes long runs about twice as fast ({installing('fast')})", err=True)
 
 
-def _raise_unless_right(outcome: "Outcome") -> None:
-    """End the command unless the run is right; where features have a verdict, by this, even if the motion has ended.
-
-    Raises:
-        DeviceFaultError: a fault has ended a run of which no feature has a verdict.
-        Exit: the run is not verified, a feature's verdict is that it failed, or a feature has found a reason after it.
-    """
-    if outcome.fault and not outcome.verdicts:
-        raise DeviceFaultError(fault_line(outcome.fault.to_dict()))
-    end_unless(outcome.right and not outcome.late_reasons)
-
-
 def _input_change(text: str) -> "InputChange":
-    """Return the change of an input that an --input names."""
+    """Return the change of an input from an --input option."""
     from steptwin.host.twin.machine.input_changes import InputChange
 
     name, _, rest = text.partition("=")

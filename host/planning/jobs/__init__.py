@@ -1,4 +1,4 @@
-"""Jobs: the named motions of each kind of robot, with the experiments of the papers."""
+"""Jobs: the named motions of each kind of robot, with the papers' experiments."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,12 +25,12 @@ __all__ = ["Job", "job_extras", "job_fields", "job_intent", "job_names", "job_op
 
 START: Final = (0.0, 0.0, 0.0, 0.0)
 GOAL: Final = (60.0, -45.0, 100.0, 90.0)
-"""th1, th2 in degrees, d3 in mm, th4 in degrees; a joint with narrower limits stops at them."""
+"""th1, th2 in degrees, d3 in mm, th4 in degrees; limited to the joints' ranges."""
 
 
 @dataclass(frozen=True, slots=True)
 class DemoOptions:
-    """The options of the demo."""
+    """Options of the demo."""
 
     duration_s: float = number(2.0, 0.01, 60.0, "s")
 
@@ -38,8 +38,8 @@ class DemoOptions:
 def demo(robot: Robot, options: DemoOptions) -> Trajectory:
     """Return the calibration robot's move of all joints at once, by a cubic of time.
 
-    Its paper (ICMEMTC 2016, Atlantis Press, from p. 918) has no experiment: the move is assumed. Raises InputError
-    unless the duration is a whole number of milliseconds.
+    Its paper (ICMEMTC 2016, Atlantis Press, from p. 918) has no experiment: the move is an assumption. Raises
+    InputError if the duration is not a whole number of milliseconds.
     """
     start, goal = (tuple(fitted(robot, np.array(point)).tolist()) for point in (START, GOAL))
     return JointMove(robot.joint_names, start, goal, Cubic(1.0, options.duration_s))
@@ -64,7 +64,7 @@ def job_names(robot: Robot) -> tuple[str, ...]:
 
 
 def job_summary(robot: Robot, job_name: str) -> str:
-    """Return one line that says what a job does; raise InputError for an unknown job."""
+    """Return a job's summary in one line; raise InputError for an unknown job."""
     return _job(robot, job_name).summary
 
 
@@ -74,7 +74,7 @@ def job_options(robot: Robot, job_name: str) -> dict[str, str]:
 
 
 def job_fields(robot: Robot, job_name: str) -> tuple[OptionField, ...]:
-    """Return a job's options as a form shows them; raise InputError for an unknown job."""
+    """Return a job's options as form fields; raise InputError for an unknown job."""
     return _job(robot, job_name).fields(robot)
 
 
@@ -84,7 +84,7 @@ def make_job(
 ) -> Trajectory:
     """Return a job's trajectory; options are texts, as on the command line, and may be left out.
 
-    With `drives`, such as `motor_limits` returns, a job with law=fastest is as fast as the motors manage.
+    With `drives`, such as `motor_limits` returns, a job with law=fastest uses the motors' limits.
 
     Raises:
         InputError: an unknown job or option, a value out of range, or a motion that the robot cannot make.
@@ -94,15 +94,15 @@ def make_job(
 
 
 def job_intent(robot: Robot, job_name: str, options: Mapping[str, str] | None = None) -> Any:
-    """Return what a job does for a feature beside moving; None for most. Raises as `make_job` does for its options."""
+    """Return a job's intent for a feature besides its motion; None for most jobs. Raises as `make_job` for options."""
     return _job(robot, job_name).intended(robot, options or {})
 
 
 def job_extras(robot: Robot, job_name: str, options: Mapping[str, str] | None = None) -> list[Any]:
-    """Return options of the emulated machine that belong to a job: what features need for its intent.
+    """Return options of the emulated machine for a job, by its intent.
 
     Raises:
-        InputError: as `make_job` does for its options.
+        InputError: as `make_job` for its options.
     """
     intent = job_intent(robot, job_name, options)
     made = [extra(robot, intent) for _, extra in giving("job_extra")] if intent is not None else []
@@ -110,7 +110,7 @@ def job_extras(robot: Robot, job_name: str, options: Mapping[str, str] | None = 
 
 
 def _jobs(robot: Robot) -> dict[str, Job[Any]]:
-    """Return a robot's jobs by name: those of features first, which replace the core's of the same name."""
+    """Return a robot's jobs by name; jobs of features replace the core's of the same name."""
     own = {job.name: job for job in _JOBS.get(robot.kinematics, ())}
     of_features = {job.name: job for _, jobs in giving("jobs") for job in jobs().get(robot.kinematics, ())}
     return of_features | {name: job for name, job in own.items() if name not in of_features}

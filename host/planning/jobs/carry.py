@@ -1,10 +1,10 @@
-"""The classroom robot carries a part from one point to another, all joints by one polynomial of time.
+"""The classroom robot carries a part between two points, all joints by one polynomial of time.
 
-The points are the paper's presets, qa and qb, or ones that the user enters as x and y.
+The points are the paper's presets, qa and qb, or a user's x and y.
 
 Source: X. Yao, Y. Pan, Y. Gao, "Research and Implementation of SCARA Manipulator Control Algorithm in Experimental
 Teaching", 2017, DOI 10.3969/j.issn.1000-386x.2017.06.019: the points, the duration and the cubic of its simulation. In
-its test of the real arm the acceleration is zero at both ends as well, which the quintic gives.
+its test of the real arm the acceleration is also 0 at both ends, as in the quintic.
 """
 
 from dataclasses import dataclass
@@ -26,14 +26,14 @@ from steptwin.host.robots.workspace.nearest_pose import passing_text
 
 START_RAD: Final = (-0.000062, 0.000178, 0.0, -0.000117)
 GOAL_RAD: Final = (-0.522315, 1.504080, 0.0, -0.981765)
-"""qa and qb, the paper's preset points: th1, th2, d3, th4, with d3 = 0; a joint with narrower limits stops at them."""
+"""qa and qb, the paper's preset points: th1, th2, d3, th4, with d3 = 0; limited to the joints' ranges."""
 
 
 KIND: Final = "teaching-scara"
-"""The kind of mechanism that has this job."""
+"""Kind of mechanism with this job."""
 START: Final = "qa"
 GOAL: Final = "qb"
-"""Their names, as of the options' defaults and of the spots where parts lie."""
+"""Names of the presets in options, and of spots with parts."""
 
 
 class Polynomial(Enum):
@@ -49,12 +49,11 @@ class Polynomial(Enum):
 
 @dataclass(frozen=True, slots=True)
 class CarryOptions:
-    """The options: both points, the elbow's side, the time law, the depth of the grip and the number of repetitions.
+    """Options: both points, the elbow's side, the time law, the depth of the grip and the number of repetitions.
 
-    The cubic is the law of the paper's simulation; the quintic has zero acceleration at both ends, as its test has. A
-    point that is given is reached with the lift as at the presets and the attitude 0, as it is at both of them. With
-    a depth of 0 the arm only goes from point to point, as in the paper's experiment. Otherwise it lowers the gripper at
-    the start and closes it, and opens it at the goal.
+    The cubic is the law of the paper's simulation; the quintic has zero acceleration at both ends, as its test. A given
+    point has the presets' lift and attitude 0. With a depth of 0 the arm only moves between the points, as in the
+    paper's experiment. Otherwise it lowers the gripper at the start and closes it, and opens it at the goal.
     """
 
     from_: Point = point(START)
@@ -70,7 +69,7 @@ def carry(robot: Robot, options: CarryOptions) -> Trajectory:
     """Return the motion from point to point, and back before each repetition.
 
     Raises:
-        InputError: a point is out of reach with this elbow, or a gripper is missing.
+        InputError: a point is out of reach with this elbow, or the robot has no gripper.
     """
     start = _joints(robot, "from", options.from_, START_RAD, options.elbow)
     goal = _joints(robot, "to", options.to, GOAL_RAD, options.elbow)
@@ -86,7 +85,7 @@ def carry(robot: Robot, options: CarryOptions) -> Trajectory:
 
 
 def _joints(robot: Robot, name: str, place: Point, preset_rad: tuple[float, ...], elbow: Elbow) -> FloatArray:
-    """Return the joints, of shape (4,), at a point or at the preset that stands for it."""
+    """Return the joints, of shape (4,), at a point or at its preset."""
     preset = fitted(robot, np.rad2deg(preset_rad))
     if place is None:
         return preset if elbow is Elbow.RIGHT else with_elbow(robot, preset, elbow)

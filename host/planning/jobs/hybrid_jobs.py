@@ -2,9 +2,9 @@
 
     X = 350 + 80 cos w        Y = 150 + 80 sin w        Z = 500 + 60 w / (2 pi)        w from 0 to 8 pi
 
-Source: H. Zhou, four-DOF hybrid handling robot: duration, steps and Akima's splines are the paper's. The size is lost
-in the copy used; this one is assumed. So are the five poses, which the paper takes arbitrarily in the workspace, and
-then compares with the simulation along the helix: here they lie on the helix, after every fifth of its way.
+Source: H. Zhou, four-DOF hybrid handling robot: duration, steps and Akima's splines are the paper's. The size is
+illegible in the available copy and is assumed. So are the five poses. The paper takes arbitrary ones and compares them
+with its simulation along the helix; here they are on the helix, a fifth of its length apart.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
 
 OPERATING_MODE: Final = "(+,+)"
-"""The working mode of the machine: both sliders below the platform."""
+"""Working mode of the machine: both sliders below the platform."""
 
 SAMPLES: Final = 241
 TURNS: Final = 4
@@ -43,7 +43,7 @@ def _rise_mm(robot: Robot) -> float:
 
 
 def _bottom_mm(robot: Robot) -> float:
-    """The helix keeps its middle, 120 mm above its bottom, at the same part of the sliders' stroke."""
+    """The helix keeps its middle, 120 mm above its bottom, at the same fraction of the sliders' stroke."""
     _, _, vertical, rise_mm = hybrid_scale(robot)
     return CENTRE_MM[2] + rise_mm + (1.0 - vertical) * RISE_MM_PER_TURN * TURNS / 2.0
 
@@ -53,14 +53,14 @@ _CENTRE: Final = (
     lambda robot: CENTRE_MM[1] * hybrid_scale(robot)[0],
     _bottom_mm,
 )
-"""The centre of the helix from the robot's base: x, y and the height of its start."""
+"""Centre of the helix from the robot's base: x, y and the height of its start."""
 
 
 @dataclass(frozen=True, slots=True)
 class HelixCurve:
-    """The helix itself: centre, height of its start, radius, pitch and number of turns.
+    """The helix: centre, height of its start, radius, pitch and number of turns.
 
-    By default its place and size grow and move with the arm's dimensions.
+    The default place and size scale with the arm's dimensions.
     """
 
     x_mm: float = number(CENTRE_MM[0], -5000.0, 5000.0, "mm", in_station(0, *_CENTRE))
@@ -73,7 +73,7 @@ class HelixCurve:
 
 @dataclass(frozen=True, slots=True)
 class HelixOptions(HelixCurve):
-    """The options of the helix: the curve, its duration and the number of its samples."""
+    """Options of the helix: the curve, its duration and the number of its samples."""
 
     duration_s: float = number(80.0, 1.0, 3600.0, "s")
     samples: int = number(SAMPLES, 3, 10001, "samples")
@@ -82,8 +82,8 @@ class HelixOptions(HelixCurve):
 def helix(robot: Robot, options: HelixOptions) -> Trajectory:
     """Return the helix as Akima's splines in the joints, from rest to rest.
 
-    PVT points are at whole milliseconds, but a step lasts 80 s / 240. So each sample is taken at the nearest whole
-    millisecond and holds the helix's pose of that time.
+    PVT points are at whole milliseconds, but a step lasts 80 s / 240. So each sample is at the nearest whole
+    millisecond, with the helix's pose of that time.
 
     Raises:
         InputError: the mechanism does not reach the helix, or there are more samples than milliseconds.
@@ -99,7 +99,7 @@ def helix(robot: Robot, options: HelixOptions) -> Trajectory:
 
 
 def helix_poses(part: FloatArray, curve: HelixCurve) -> FloatArray:
-    """Return poses, of shape (n, 4), at parts of the way, of shape (n,), from 0 to 1."""
+    """Return poses, of shape (n, 4), at fractions of the helix, of shape (n,), from 0 to 1."""
     w = 2.0 * np.pi * curve.turns * part
     return np.column_stack(
         [
@@ -119,7 +119,7 @@ POINTS: Final = 5
 
 @dataclass(frozen=True, slots=True)
 class FivePointsOptions(HelixCurve):
-    """The options: the helix and the pause at each pose."""
+    """Options: the helix and the pause at each pose."""
 
     pause_s: float = number(0.5, 0.001, 60.0, "s")
 

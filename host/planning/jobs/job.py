@@ -39,22 +39,22 @@ def scara_reach_mm(robot: Robot) -> float:
 
 
 def in_reach(length_mm: float, paper_reach_mm: float) -> Callable[[Robot], float]:
-    """Return a length as a part of a SCARA's reach, given for the reach of the paper's robot."""
+    """Return a length scaled by a SCARA's reach, from the paper's robot."""
     return lambda robot: length_mm * (scara_reach_mm(robot) / paper_reach_mm)
 
 
 def in_reach_at_most(length_mm: float, paper_reach_mm: float) -> Callable[[Robot], float]:
-    """Return the same for a length that a larger robot does not extend."""
+    """Return a length scaled by a SCARA's reach, at most the given one."""
     return lambda robot: length_mm * min(scara_reach_mm(robot) / paper_reach_mm, 1.0)
 
 
 def in_station(axis: int, *place: Callable[[Robot], float]) -> Callable[[Robot], float]:
-    """Return x, y or z, by its number, in the station's frame of a place whose x, y and z are given from the base."""
+    """Return a function for x, y or z, by number, of a place from the base in the station's frame."""
     return lambda robot: float(robot.base.in_station(np.array([each(robot) for each in place]))[axis])
 
 
 def fitted(robot: Robot, joints: FloatArray) -> FloatArray:
-    """Return joints of shape (joints,), each at the nearest position within its limits."""
+    """Return joints of shape (joints,), each limited to its range."""
     lower, upper = ([getattr(joint, bound) for joint in robot.joints] for bound in ("lower", "upper"))
     return np.clip(joints, lower, upper)
 
@@ -63,15 +63,16 @@ HYBRID_RADIUS_MM: Final = 400.0
 HYBRID_Z2_MAX_MM: Final = 150.0
 HYBRID_STROKE_MM: Final = 500.0
 HYBRID_REST_MM: Final = 280.0 + (350.0**2 - 150.0**2) ** 0.5
-"""The tool's radius with the platform in the middle, the platform's way to either side, the sliders' stroke, and the
-tool's height with the sliders at 0, of the arm for whose dimensions the poses of the jobs are given."""
+"""Dimensions of the reference arm of the jobs' poses: radius of the tool with the platform in the middle, travel of the
+platform to each side, stroke of the sliders, and height of the tool with the sliders at 0.
+"""
 
 
 def hybrid_scale(robot: Robot) -> tuple[float, float, float, float]:
-    """Return how poses of the hybrid arm fit another one.
+    """Return the scale of poses from the reference hybrid arm to this one.
 
-    These are the part by which radii grow, the part of the radial and of the vertical distances from the middle that
-    remains, and the tool's rise with the sliders at 0, in mm.
+    It has the factor of radii, the factors of radial and vertical distances from the middle, and the tool's rise with
+    the sliders at 0, in mm.
     """
     arm = make_kinematics(robot)
     if not isinstance(arm, HybridArm):
@@ -87,9 +88,9 @@ def hybrid_scale(robot: Robot) -> tuple[float, float, float, float]:
 
 _LAW: Final = "law"
 _PLANNED: Final = "planned"
-"""The choice beside the fastest law at a job without a law of its own."""
+"""Alternative to the fastest law for a job without laws."""
 _TIMES: Final = ("duration_s", "ramp_s")
-"""Options that say how long a job takes, which its path alone decides with the fastest law."""
+"""Options of a job's duration; with the fastest law, the path alone determines it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,9 +100,9 @@ class Job(Generic[Options]):
     Attributes:
         name: name on the command line.
         summary: summary, one line.
-        options: frozen dataclass whose fields are made by `steptwin.host.planning.jobs.options`, each with a default.
-        build: function that returns the trajectory for a robot and options; it raises InputError if there is none.
-        intent: function that returns what the job does for a feature beside moving; None if it does nothing else.
+        options: frozen dataclass with fields of `steptwin.host.planning.jobs.options`, each with a default.
+        build: returns the trajectory for a robot and options; raises InputError if it is impossible.
+        intent: returns the job's intent for a feature besides the motion; None without one.
     """
 
     name: str
@@ -111,9 +112,9 @@ class Job(Generic[Options]):
     intent: Callable[[Robot, Options], Any] | None = None
 
     def make(self, robot: Robot, texts: Mapping[str, str], drives: DriveLimits | None = None) -> Trajectory:
-        """Return the trajectory for options given as texts; raise InputError as `parse_options` and `build` do.
+        """Return the trajectory for options given as texts; raise InputError as `parse_options` and `build`.
 
-        A place out of the robot's reach or a joint beyond its limits is an error that names the options to set.
+        Errors about a place out of reach, or a joint beyond its limits, name the options to set.
         """
         options, is_fastest = self._read(robot, texts)
         check_drives(drives, is_fastest=is_fastest)
@@ -128,11 +129,11 @@ class Job(Generic[Options]):
         return motion_timer().again(robot, trajectory, drives) if is_fastest else trajectory
 
     def intended(self, robot: Robot, texts: Mapping[str, str]) -> Any:
-        """Return the job's intent with these options; raise InputError as `parse_options` does."""
+        """Return the job's intent with these options; raise InputError as `parse_options`."""
         return None if self.intent is None else self.intent(robot, self._read(robot, texts)[0])
 
     def fields(self, robot: Robot) -> tuple[OptionField, ...]:
-        """Return the options with their defaults and valid values for a robot; every job may be timed anew."""
+        """Return the options with their defaults and valid values for a robot; every job may have the fastest law."""
         own = {field.name: field for field in option_fields(self.options, robot)}
         law = own.get(_LAW, OptionField(_LAW, _PLANNED, (_PLANNED,)))
         return tuple(
@@ -140,7 +141,7 @@ class Job(Generic[Options]):
         )
 
     def _read(self, robot: Robot, texts: Mapping[str, str]) -> tuple[Options, bool]:
-        """Return the job's own options, and whether its path is timed anew by the fastest law."""
+        """Return the job's own options, and whether its path gets the fastest law."""
         own = {name.replace("-", "_"): text for name, text in texts.items()}
         fields = {field.name: field for field in self.fields(robot)}
         laws = fields[_LAW].choices
@@ -159,7 +160,7 @@ _CHECKED: Final = 2000
 
 
 def _check_limits(robot: Robot, trajectory: Trajectory) -> None:
-    """Raise OutOfReachError, as the planner does, if the joints' limits are clearly left."""
+    """Raise OutOfReachError, as the planner does, if joints are clearly beyond their limits."""
     positions = trajectory.positions(np.linspace(0.0, trajectory.duration_s, _CHECKED))
     if not within_limits(robot.joints, positions).all():
         check_positions(robot, trajectory)

@@ -1,6 +1,6 @@
 """Read a job's options from texts: a frozen dataclass of enums, places, points and numbers with ranges.
 
-A number's default may depend on the robot: it is then the paper's for the paper's robot, and fits others.
+A number's default may depend on the robot: it is the paper's value for the paper's robot, and scaled for others.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -20,7 +20,7 @@ Choice = TypeVar("Choice")
 
 @dataclass(frozen=True, slots=True)
 class OptionRange:
-    """The values that a number may have, including both ends."""
+    """Allowed values of a number, with both ends."""
 
     lower: float
     upper: float
@@ -32,15 +32,15 @@ class OptionRange:
 
 @dataclass(frozen=True, slots=True)
 class OptionField:
-    """An option as a form shows it: a choice, or a number with its range.
+    """An option for a form: a choice, or a number with its range.
 
     Attributes:
         name: name of the option.
         default: its default for the robot, a number unless there are choices.
         choices: names to choose from; empty for a number and a point.
-        allowed: the range of a number; None for a choice and a point.
+        allowed: range of a number; None for a choice and a point.
         whole: True for a whole number.
-        form: what may be written in place of a point's default; empty for others.
+        form: notation of a value in place of a point's default; empty for others.
     """
 
     name: str
@@ -51,7 +51,7 @@ class OptionField:
     form: str = ""
 
     def is_default(self, text: str) -> bool:
-        """Return whether a text, as a form sends it, gives the option its default."""
+        """Return whether a form's text is the option's default."""
         try:
             return text == self.default or decimal(text) == self.default
         except ValueError:
@@ -70,7 +70,7 @@ Fitting = Callable[[Robot], float]
 def number(default: float, lower: float, upper: float, unit: str, fitting: Fitting | None = None) -> Any:
     """Return a dataclass field for a number with a range, a whole number if the default is an int.
 
-    With `fitting`, its value for a robot takes the place of the default.
+    `fitting` returns the default for a robot.
     """
     return field(default=default, metadata={"range": OptionRange(lower, upper, unit), "fitting": fitting})
 
@@ -82,12 +82,12 @@ POINT_FORM = "or X,Y in mm"
 
 
 def point(preset: str) -> Any:
-    """Return a dataclass field for a point; without one it is None, which the preset's name stands for."""
+    """Return a dataclass field for a point; None stands for the preset."""
     return field(default=None, metadata={"preset": preset})
 
 
 def place(default: str, choices: Callable[[Robot], Iterable[str]]) -> Any:
-    """Return a dataclass field for one of a robot's places, those that `choices` returns."""
+    """Return a dataclass field for one of a robot's places, returned by `choices`."""
     return field(default=default, metadata={"places": choices})
 
 
@@ -100,10 +100,10 @@ def joint_position(default: float, joint: str) -> Any:
 
 
 def parse_options(options: type[Options], texts: Mapping[str, str], robot: Robot) -> Options:
-    """Return the options from their texts; the type of a field's default tells an enum, a place and a number apart.
+    """Return the options from their texts; defaults determine the types.
 
-    A default place is looked up like a given one, since the robot file may lack it. Raise InputError for an unknown
-    name, with the nearest ones, or a wrong value, with the choices or the range.
+    A default place is checked like a given one, since the robot file may lack it. Raise InputError for an unknown name,
+    with the nearest ones, or an invalid value, with the choices or the range.
     """
     known = _fields(options)
     texts = {name.replace("-", "_"): text for name, text in texts.items()}
@@ -127,7 +127,7 @@ def describe_options(options: type[Any], robot: Robot) -> dict[str, str]:
 
 
 def place_options(options: type[Any]) -> list[str]:
-    """Return the names of the options whose defaults depend on the robot: those that say where a job goes."""
+    """Return the names of the options with defaults that depend on the robot: the places of a job."""
     return [name for name, option in _fields(options).items() if option.metadata.get("fitting")]
 
 
@@ -153,7 +153,7 @@ def _fields(options: type[Any]) -> dict[str, Field[Any]]:
 
 
 def _name(option: Field[Any]) -> str:
-    """Return an option's name: `from`, which Python keeps for itself, is the field `from_`."""
+    """Return an option's name; `from`, a Python keyword, is the field `from_`."""
     return option.name.removesuffix("_")
 
 
@@ -196,7 +196,7 @@ def _places(option: Field[Any], robot: Robot) -> dict[str, str]:
 
 
 def chosen(name: str, text: str, choices: Mapping[str, Choice]) -> Choice:
-    """Return the choice that an option's text names; raise InputError, with the choices, for another text."""
+    """Return the choice of an option's text; raise InputError, with the choices, for another text."""
     if text not in choices:
         raise InputError(f"{unknown(f'option {name}:', text, choices)} (valid: {', '.join(choices)})")
     return choices[text]

@@ -1,7 +1,7 @@
-"""The warehouse robot's line of the drawer pull alone: `pull-line` moves the hand as if to pull a drawer out.
+"""The warehouse robot's drawer pull without a drawer: `pull-line` moves the hand as if to pull one out.
 
-180 mm straight along -y in 10 s, at constant attitude and at no drawer. Its start, its distance and the 10 s are the
-paper's, its ramps of 2 s are assumed.
+180 mm straight along -y in 10 s, at constant attitude. Start, distance and duration are the paper's, the ramps of 2 s
+are assumed.
 
 Source: A. Jiang, L. Guo, X. Tan, "Development of Prototype of a New Intelligent Warehouse Robot", 2019(05),
 DOI 10.3969/j.issn.1009-9492.2019.05.018.
@@ -22,25 +22,26 @@ from steptwin.host.robots.kinematics import Elbow, make_kinematics
 from steptwin.host.robots.robot import Robot
 
 KIND: Final = "warehouse-scara"
-"""The kind of mechanism that has this job."""
+"""Kind of mechanism with this job."""
 LOCKED_DEG: Final = (0.0, 60.0, 30.0)
-"""th1, th2, th3 where the hand locks onto a drawer, with the elbow on the right."""
+"""th1, th2, th3 with the hand locked onto a drawer, elbow on the right."""
 
 TRAVEL_MM: Final = 180.0
 REACH_MM: Final = 350.0
-"""The way of the drawer, and the reach of the paper's arm from shoulder to wrist: a smaller one pulls less."""
+"""Travel of the drawer, and reach of the paper's arm from shoulder to wrist; a smaller arm pulls less."""
 
 
 COMPARTMENTS: Final = 3
-"""Compartments of the drawer, which come out one after another in the paper's figure 7; as long as each other, it is
-assumed."""
+"""Number of the drawer's compartments, which come out one after another in the paper's figure 7; equal lengths are
+assumed.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class PullLineOptions:
-    """The options: the elbow's side, the times of the law, the positions of slides and lift, and the drawer's way.
+    """Options: the elbow's side, the times of the law, the positions of slides and lift, and the drawer's travel.
 
-    The way is that of the whole drawer; to bring out only some of its compartments the hand pulls a part of it.
+    The travel is that of the whole drawer; for some of its compartments the hand pulls a fraction of it.
     """
 
     elbow: Elbow = Elbow.RIGHT
@@ -54,7 +55,7 @@ class PullLineOptions:
 
 
 def pull_line(robot: Robot, options: PullLineOptions) -> Trajectory:
-    """Return the pull, from one tool pose with either elbow; raise InputError for times that form no trapezoid."""
+    """Return the pull, from one tool pose with either elbow; raise InputError for times that give no trapezoid."""
     travel_mm = options.travel_mm * (options.compartments / COMPARTMENTS)
     law = Trapezoid(travel_mm, options.duration_s, options.ramp_s)
     right = np.array([options.sx_mm, options.sz_mm, options.L1_mm, *LOCKED_DEG])

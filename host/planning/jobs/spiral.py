@@ -31,7 +31,7 @@ MM_PER_RAD: Final = 5.0
 _REACH_MM: Final = 800.0
 """Reach of the paper's arm."""
 _START_PART: Final = 0.6
-"""Part of the lift's stroke where the spiral begins: 150 of the paper's 250 mm."""
+"""Fraction of the lift's stroke where the spiral begins: 150 of the paper's 250 mm."""
 
 
 def _start_mm(robot: Robot) -> float:
@@ -40,7 +40,7 @@ def _start_mm(robot: Robot) -> float:
 
 
 _START: Final = (in_reach(-300.0, _REACH_MM), in_reach(400.0, _REACH_MM), _start_mm)
-"""The spiral's start from the robot's base, x, y and z."""
+"""Start of the spiral from the robot's base, x, y and z."""
 
 
 class ZLaw(Enum):
@@ -57,9 +57,9 @@ class ZLaw(Enum):
 
 @dataclass(frozen=True, slots=True)
 class SpiralOptions:
-    """The options: rise, tool's attitude, elbow's side, time from point to point, start and growth of the spiral.
+    """Options: rise, tool's attitude, elbow's side, time between points, start and growth of the spiral.
 
-    Start and growth are the paper's for its arm, and in proportion for others.
+    Start and growth are the paper's for its arm, and scaled for others.
     """
 
     z_law: ZLaw = ZLaw.A

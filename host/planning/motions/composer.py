@@ -44,7 +44,7 @@ class Standstill:
 
 @dataclass(frozen=True, slots=True)
 class Sequence:
-    """Consecutive motions, each of which begins at the end of the previous one; implements Trajectory.
+    """Consecutive motions, each beginning at the end of the previous one; implements Trajectory.
 
     Attributes:
         joint_names: names of the robot's joints.
@@ -78,7 +78,7 @@ class Sequence:
 
     @property
     def smooth_ms(self) -> frozenset[int]:
-        """Breakpoints inside of parts at which the acceleration is almost continuous."""
+        """Breakpoints inside of parts where the acceleration is almost continuous."""
         starts = zip(self.starts_ms, self.parts, strict=False)
         return frozenset(start_ms + own for start_ms, part in starts for own in smooth_breakpoints_ms(part))
 
@@ -119,7 +119,7 @@ SWITCHING_S: Final = 0.3
 PACE: Final = 0.8
 """Fraction of the joints' speed and acceleration limits that joint moves use."""
 JERK_TIME_S: Final = 0.1
-"""Time in which the acceleration of a joint move rises to its highest value."""
+"""Time for the acceleration of a joint move to rise to its highest value."""
 WAIT_S: Final = 0.01
 """Planned pause of a wait for an input; the machine waits at its beginning."""
 

@@ -102,7 +102,7 @@ class Sampled:
 
     @property
     def smooth_ms(self) -> frozenset[int]:
-        """Breakpoints at which the acceleration is almost continuous."""
+        """Breakpoints where the acceleration is almost continuous."""
         knots_s = np.asarray(self.curve.x)
         before = np.asarray(self.curve(knots_s[1:-1] - _JUST_S, 2))
         after = np.asarray(self.curve(knots_s[1:-1] + _JUST_S, 2))

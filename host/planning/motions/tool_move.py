@@ -71,7 +71,7 @@ def present_branch(robot: Robot, joints: FloatArray) -> str:
 
 
 _LOOKED_AT: Final = 257
-"""Number of poses of a path at which its branches are determined."""
+"""Number of poses of a path where its branches are determined."""
 
 
 def branches_on(robot: Robot, path: ToolPath, branch: str, start: FloatArray) -> tuple[tuple[str, ...], FloatArray]:
@@ -117,7 +117,7 @@ def _passes_until(kinematics: Kinematics, branch: str, poses: FloatArray, near: 
 
 
 _ALONG: Final = 20
-"""Number of points at which a straight motion in joint space is compared with the tool's path."""
+"""Number of points where a straight motion in joint space is compared with the tool's path."""
 _ON_PATH: Final = 1e-3
 """Distance in mm or degrees from the tool's path: less than a step of any axis, more than rounding at a singularity."""
 

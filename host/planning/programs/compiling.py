@@ -1,4 +1,4 @@
-"""Turn a program into the robot's motion, and into a table of its steps with their peaks beside the limits."""
+"""Compile a program to the robot's motion, and to a table of its steps with peaks and limits."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -42,7 +42,7 @@ from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
 _SINGULARITIES: Final = ("shoulder", "elbow", "wrist")
-"""Where branches meet that differ in a part of their names, part by part."""
+"""Names of the singularities between branches, by the part of their names that differs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,10 +53,10 @@ class StepRow:
         made: the step as it was made.
         from_s: time when it begins.
         duration_s: its duration.
-        branch: the branch on which the arm is when it begins; empty for a step that leads no tool along a path.
-        changes: times from which on the arm is on another branch, and its name: where two branches meet on a path.
-        notes: which outputs change on its way, and what becomes of the corner at its end, in words.
-        drives: what the motors say of the motion that ends with it; None where they do not limit it.
+        branch: branch of the arm at its beginning; empty for a step without a path of the tool.
+        changes: times of changes of the branch, and the new names, where two branches meet on a path.
+        notes: changes of outputs on its path, and the treatment of the corner at its end, as text.
+        drives: margins of the drives in the motion that ends with it; None if they do not limit it.
     """
 
     made: MadeStep
@@ -69,21 +69,21 @@ class StepRow:
 
     @property
     def place(self) -> Place:
-        """Its number in the program, with those of the sequence or repetition it is in, and its pass."""
+        """Its number in the program, with those of its sequences and repetitions, and its pass."""
         return self.made.place
 
     @property
     def text(self) -> str:
-        """The step in words."""
+        """The step as text."""
         return str(self.made.step)
 
     @property
     def peaks(self) -> tuple[Peak, ...]:
-        """Highest speed, acceleration and step rate of each joint in it; they take a look at each millisecond."""
+        """Highest speed, acceleration and step rate of each joint in it; computing them examines each millisecond."""
         return self.made.peaks
 
     def passed(self) -> Iterator[str]:
-        """Yield a sentence for each change of the branch: what the arm passes and where, and the branches' names."""
+        """Yield a sentence for each change of the branch: singularity, position, and names of the branches."""
         before = self.branch
         for t_s, name in self.changes:
             parts = zip(_SINGULARITIES, before.split("-"), name.split("-"), strict=True)
@@ -100,7 +100,7 @@ class CompiledProgram:
     Attributes:
         trajectory: the motion.
         steps: the steps.
-        is_whole: False if something is wrong, but for the speed of steps; the rest is then incomplete.
+        is_whole: False if anything but the speed of steps is wrong; the rest is then incomplete.
     """
 
     trajectory: Sequence
@@ -108,12 +108,12 @@ class CompiledProgram:
     is_whole: bool
 
     def fast_steps(self) -> tuple[str, ...]:
-        """Return a message for each step that is too fast, with the values of its own keys that pass."""
+        """Return a message for each step that is too fast, with passing values of its own keys."""
         return tuple(fast_steps(row.made for row in self.steps))
 
     @contextmanager
     def explained(self, stretch: float = 1.0) -> Iterator[None]:
-        """Add to an InputError with which the planner refuses the motion as too fast which step it is, and what passes.
+        """Extend the planner's refusal of a motion that is too fast by the step and by passing values.
 
         `stretch` is the factor by which the motion was stretched; the steps' own values are given for the factor 1.
         """
@@ -136,12 +136,12 @@ class CompiledProgram:
 def compile_program(
     program: Program, robot: Robot, findings: Findings | None = None, *, drives: MakeDrives | None = None
 ) -> CompiledProgram:
-    """Return a program's motion for a robot; `drives` knows its motors, for a program that asks for them.
+    """Return a program's motion for a robot; `drives` makes the limits of its motors, for a program that needs them.
 
-    Without `findings` it raises InputError if something is wrong; speeds are left to the planner, which can stretch the
-    motion. With them it goes on and finds everything, also the steps that are too fast. A mistake in a repetition is
-    told once, and none that only follows from another one: where the robot's position is unknown, nothing is judged up
-    to the next `go` that says all of it.
+    Without `findings` it raises InputError for errors; speeds are left to the planner, which can stretch the motion.
+    With them it continues and collects all errors, including steps that are too fast. An error in a repetition is
+    reported once, without its consequences: where the robot's position is unknown, nothing is judged until the next
+    `go` with a complete position.
     """
     found = Findings() if findings is None else findings
     own_robot = None
@@ -178,13 +178,13 @@ def compile_program(
 
 
 _NAMED_CELLS: Final = 4
-"""Number of cells that a message names; it counts the others."""
+"""Number of cells that a message names; the others are counted."""
 
 
 def check_cells(robot: Robot, pallet: Pallet) -> None:
-    """Raise InputError, with the cells, unless each cell of a pallet is reached on some branch.
+    """Raise InputError, with the cells, if a cell of a pallet is out of reach on all branches.
 
-    Cells that leave out a coordinate depend on where the robot comes from; their steps are judged alone.
+    Cells with missing coordinates depend on the position before; only their steps are checked.
     """
     kinematics = make_kinematics(robot)
     task = kinematics.task
@@ -207,7 +207,7 @@ def _more_words(count: int) -> str:
 
 
 class _Gathered(NamedTuple):
-    """A step before it has its row; `has_leg` is False for one that flows and ends where it begins."""
+    """A step without a row yet; `has_leg` is False for a blended step without motion."""
 
     place: Place
     step: Step
@@ -216,31 +216,31 @@ class _Gathered(NamedTuple):
 
 
 class _Walk:
-    """Makes the steps of a program one after the other."""
+    """Makes the steps of a program in order."""
 
     def __init__(self, robot: Robot, moves: Moves) -> None:
         self.complaints = Complaints()
         self._robot = robot
         self._moves = moves
         self._known = True
-        """Whether it is known where the robot stands."""
+        """True if the robot's position is known."""
         self._on_branch = True
-        """Whether the robot is at least on the branch of where it was known to stand last."""
+        """True if the robot is at least on the branch of its last known position."""
         self.rows: list[StepRow] = []
         self._gathered: list[_Gathered] = []
-        """The steps that flow into each other and have no times yet."""
+        """Blended steps that have no times yet."""
 
     def compiled(self, expects: Mapping[str, Any], *, is_whole: bool) -> CompiledProgram:
-        """Return what has been made so far."""
+        """Return the result so far."""
         return CompiledProgram(self._moves.composer.sequence(expects), tuple(self.rows), is_whole)
 
     @property
     def has_moved(self) -> bool:
-        """Whether there is any motion, switching or wait."""
+        """True if there is any motion, switching or wait."""
         return self._moves.composer.now_s > 0
 
     def make(self, program: Program) -> None:
-        """Make a program's steps; raise InputError if its start is wrong or there are too many."""
+        """Make a program's steps; raise InputError if its start is invalid or there are too many steps."""
         self._begin(program)
         for count, written in enumerate(written_out(program)):
             if count >= STEPS_MAX:
@@ -274,7 +274,7 @@ class _Walk:
                 self._known = self._on_branch = False
         elif self._known:
             self._add(place, step)
-        elif isinstance(step, GoStep) and self._moves.says_everything(step.to):
+        elif isinstance(step, GoStep) and self._moves.says_everything(step.go):
             self._resume(place, step)
         else:
             self._on_branch = self._on_branch and self._keeps_branch(step)
@@ -282,27 +282,27 @@ class _Walk:
     def _keeps_branch(self, step: Step) -> bool:
         """Return whether the arm is on the same branch after a step."""
         match step:
-            case GoStep(to):
-                return not self._moves.says_branch(to)
+            case GoStep(go):
+                return not self._moves.says_branch(go)
             case JointsBy():
                 return False
         return True
 
     def _resume(self, place: Place, step: GoStep) -> None:
-        """Go on after a step with an unknown start, if its end is known all the same."""
+        """Continue after a step with an unknown start, if its end is known."""
         try:
-            if self._on_branch or self._moves.says_branch(step.to):
+            if self._on_branch or self._moves.says_branch(step.go):
                 self._stand_after(step)
                 self._check_within(self._moves.composer.joints)
             else:
-                self._moves.check_some_branch(step.to)
+                self._moves.check_some_branch(step.go)
         except InputError as error:
             self.complaints.add(place, step, error)
             self._on_branch = self._known or (self._on_branch and self._keeps_branch(step))
 
     def _add(self, place: Place, step: Step) -> None:
         moves = self._moves
-        if step.pace is None:
+        if not step.moves:
             self._end_flow()
         before, from_s, legs = moves.from_here(), moves.composer.now_s, len(moves.legs or ())
         moves.place = str(place)
@@ -322,7 +322,7 @@ class _Walk:
                 self._gathered.append(_Gathered(place, step, before, has_leg=len(moves.leg_times) > own))
                 self._add_gathered()
             else:
-                part = moves.composer.motion_since(from_s) if step.pace is not None else None
+                part = moves.composer.motion_since(from_s) if step.moves else None
                 notes = (*moves.notes, *map(switching_words, moves.switched))
                 moves.notes, moves.switched = (), ()
                 way: BranchesOnWay = ("", ())
@@ -332,7 +332,7 @@ class _Walk:
                 self.rows.append(StepRow(made, from_s, moves.composer.now_s - from_s, *way, notes))
 
     def _fail(self, place: Place, step: Step, error: InputError) -> None:
-        """Go on after a step that cannot be made: those that flowed into it have no motion."""
+        """Continue after an impossible step; steps blended with it have no motion."""
         self._gathered.clear()
         self.complaints.add(place, step, error)
         self._known = False
@@ -342,7 +342,7 @@ class _Walk:
         self._moves.forget_flow()
 
     def _end_flow(self) -> None:
-        """Let the steps that flow come to rest, before one that begins at rest."""
+        """Bring blended steps to rest before a step that begins at rest."""
         try:
             with planning_step(self._flow_words):
                 self._moves.end_flow()
@@ -352,18 +352,18 @@ class _Walk:
 
     @property
     def _flow_words(self) -> str:
-        """The steps that flow, the first and the last, as an error names them."""
+        """The first and the last blended step, as text for errors."""
         places = [each.place.number for each in self._gathered]
         return f"steps {places[0]} to {places[-1]}, which flow into each other" if places else "the program"
 
     def _complain_of(self, error: CornerError) -> None:
-        """Tell of a corner that cannot be rounded at the step at whose end it is."""
+        """Report a corner that cannot be rounded at the step that ends there."""
         steps = [step for step in self._gathered if step.has_leg]
         self.complaints.add(steps[error.corner].place, steps[error.corner].step, error)
         self._gathered.clear()
 
     def _add_gathered(self) -> None:
-        """Add rows for the steps that have flowed into each other, at the times that they have now."""
+        """Add rows for the steps that were blended, at their final times."""
         times, now_s = iter(self._moves.leg_times), self._moves.composer.now_s
         for each in self._gathered:
             time = next(times) if each.has_leg else None
@@ -376,20 +376,20 @@ class _Walk:
         self._moves.leg_times = []
 
     def _made(self, gathered: _Gathered, part: Trajectory | None, from_s: float) -> MadeStep:
-        """Return a step as it was made; complain of the joints that leave their limits on its part of the motion."""
+        """Return a step as it was made; report joints beyond their limits on its part of the motion."""
         made = MadeStep(self._robot, gathered.place, gathered.step, gathered.before, round(1000 * from_s), part)
         if part is not None and not (isinstance(part, ToolMove) and part.keeps_limits):
             self._check_positions(made, part)
         return made
 
     def _stand_after(self, step: Step) -> None:
-        """Stand where a step ends without making it; raise InputError if the robot cannot."""
+        """Continue from the end of a step without making it; raise InputError if that is impossible."""
         end = step.end(self._moves)
         if end is not None:
             self._stand_at(end)
 
     def _check_positions(self, made: MadeStep, part: Trajectory) -> None:
-        """Complain of each joint that leaves its limits, but not of one that an earlier step has left outside."""
+        """Report each joint beyond its limits, except those that an earlier step has left outside."""
         start, step = made.before.composer.joints, made.step
         ends = part.positions(np.array([part.duration_s]))[0].tolist()
         for i, joint in enumerate(self._robot.joints):

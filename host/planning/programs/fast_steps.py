@@ -1,4 +1,4 @@
-"""Find the steps of a program that are too fast, and the values of their own keys that pass."""
+"""Find the steps of a program that are too fast, and passing values of their own keys."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -16,7 +16,6 @@ from steptwin.host.planning.motions.stretched import least_passing
 from steptwin.host.planning.peaks import Peak, Quantity, TooLongError, sampled, shifted
 from steptwin.host.planning.planner import step_peaks
 from steptwin.host.planning.programs.moves import Moves
-from steptwin.host.planning.programs.paces import StepPace
 from steptwin.host.planning.programs.program import Place
 from steptwin.host.planning.programs.program_file import pass_words
 from steptwin.host.planning.programs.steps import Step
@@ -24,7 +23,7 @@ from steptwin.host.planning.trajectory import DEFAULT_POINT_MS, Trajectory
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
-Check = Callable[[StepPace], None]
+Check = Callable[[Step], None]
 """Checks a step with another pace; raises TooFastError if it is too fast."""
 
 _DIGITS: Final = 3
@@ -35,14 +34,14 @@ _PER_DECADE: Final = 9 * 10 ** (_DIGITS - 1)
 
 @dataclass(frozen=True, slots=True)
 class _Key:
-    """A key of a pace: its values that a message may offer, numbered by their slowness.
+    """A key of a pace, and its possible values in messages, numbered by slowness.
 
     Attributes:
         name: name of the key.
         slower: 1 if a larger value is slower, -1 if a smaller one is.
-        reach: factor up to which the value is changed. Beyond it the step's numbers are in a wrong unit.
+        reach: largest factor on the value. Beyond it the step's numbers have a wrong unit.
         in_ms: True for a duration in whole milliseconds; other values have three significant digits.
-        of_ramps: True for a key that makes nothing but the accelerations smaller.
+        of_ramps: True for a key that only reduces accelerations.
     """
 
     name: str
@@ -60,11 +59,11 @@ class _Key:
         return float(f"{mantissa + _PER_DECADE // 9}e{exponent}")
 
     def at_least_as_fast(self, value: float) -> int:
-        """Return the number of the slowest value that is not slower than one given."""
+        """Return the number of the slowest value that is not slower than a given one."""
         return self.slower * self._size(value, ROUND_FLOOR if self.slower > 0 else ROUND_CEILING)
 
     def at_least_as_slow(self, value: float) -> int:
-        """Return the number of the fastest value that is not faster than one given."""
+        """Return the number of the fastest value that is not faster than a given one."""
         return self.slower * self._size(value, ROUND_CEILING if self.slower > 0 else ROUND_FLOOR)
 
     def made_slower(self, value: float, factor: float) -> float:
@@ -92,13 +91,13 @@ _KEYS: Final = {
 }
 
 
-def passing_values(pace: StepPace, names: Iterable[str], error: TooFastError, checks: Iterable[Check]) -> list[str]:
+def passing_values(step: Step, names: Iterable[str], error: TooFastError, checks: Iterable[Check]) -> list[str]:
     """Return the values that pass, such as `speed_mm_s = 42.1`, each by itself; none if no value passes.
 
-    Each is the nearest one to the step's own, in three digits or whole milliseconds, that is slow enough.
+    Each is the passing value nearest to the step's own, in three digits or whole milliseconds.
 
     Args:
-        pace: pace of the step, with which it is too fast.
+        step: the step, which is too fast.
         names: its keys that may be changed.
         error: refusal of the step at the place where it is made first of all.
         checks: checks of the step at all places of the program where it is made, the one of `error` first.
@@ -106,12 +105,12 @@ def passing_values(pace: StepPace, names: Iterable[str], error: TooFastError, ch
     places = tuple(checks)
     only_ramps = all(peak.quantity in (Quantity.ACCELERATION, Quantity.AXIS_ACCELERATION) for peak in error.peaks)
     keys = [_KEYS[name] for name in names if only_ramps or not _KEYS[name].of_ramps]
-    values = ((key.name, _passing_value(pace, key, error.least_stretch, places)) for key in keys)
+    values = ((key.name, _passing_value(step, key, error.least_stretch, places)) for key in keys)
     return [f"{name} = {value:.10g}" for name, value in values if value is not None]
 
 
-def _passing_value(pace: StepPace, key: _Key, least_stretch: float, checks: tuple[Check, ...]) -> float | None:
-    own: float = getattr(pace, key.name)
+def _passing_value(step: Step, key: _Key, least_stretch: float, checks: tuple[Check, ...]) -> float | None:
+    own: float = getattr(step, key.name)
     slowest = key.at_least_as_slow(key.made_slower(own, key.reach))
     number = key.at_least_as_fast(own)
     guess = key.at_least_as_slow(key.made_slower(own, least_stretch))
@@ -120,7 +119,7 @@ def _passing_value(pace: StepPace, key: _Key, least_stretch: float, checks: tupl
         def passes(number: int, check: Check = check) -> bool:
             changed: dict[str, Any] = {key.name: key.value(number)}
             try:
-                check(replace(pace, **changed))
+                check(replace(step, **changed))
             except (TooFastError, TooLongError):
                 return False
             return True
@@ -134,8 +133,8 @@ def _passing_value(pace: StepPace, key: _Key, least_stretch: float, checks: tupl
     return key.value(number)
 
 
-class _Look(NamedTuple):
-    """How fast a step's motion is; `refused` is the error of one that PVT records cannot hold."""
+class _Examination(NamedTuple):
+    """Speed of a step's motion; `refused` is the error if PVT records cannot hold it."""
 
     peaks: tuple[Peak, ...]
     refused: TooFastError | None
@@ -149,9 +148,9 @@ class MadeStep:
         robot: the robot.
         place: the place.
         step: the step.
-        before: moves that begin where the step begins.
-        from_ms: time of the program when it begins.
-        part: its motion; None without any.
+        before: moves with the step's start.
+        from_ms: time in the program when it begins.
+        part: its motion; None without one.
     """
 
     robot: Robot
@@ -163,12 +162,12 @@ class MadeStep:
 
     @property
     def peaks(self) -> tuple[Peak, ...]:
-        """The peaks of each joint; none without motion, or if PVT records cannot hold it."""
+        """Peaks of each joint; empty without motion, or if PVT records cannot hold it."""
         return self._look.peaks
 
     @cached_property
     def positions(self) -> checks.SampleCheck:
-        """What its positions are, for `check_joint`."""
+        """Its positions, for `check_joint`."""
         if self.part is None:
             return checks.SampleCheck(self.robot, np.zeros(0))
         check = checks.SampleCheck(self.robot, checks.knots_ms(self.part) + self.from_ms)
@@ -177,15 +176,15 @@ class MadeStep:
         return check
 
     @cached_property
-    def _look(self) -> _Look:
-        """Look at the motion, once, when something is asked about it: a run asks the planner instead."""
+    def _look(self) -> _Examination:
+        """Examine the motion once, on first use: a run leaves that to the planner."""
         if self.part is None:
-            return _Look((), None)
+            return _Examination((), None)
         windows = shifted(sampled(self.part), self.from_ms / 1000)
         try:
-            return _Look(step_peaks(self.robot, self.part, self.from_ms, windows), None)
+            return _Examination(step_peaks(self.robot, self.part, self.from_ms, windows), None)
         except TooFastError as error:
-            return _Look((), error)
+            return _Examination((), error)
 
     def check_speed(self) -> None:
         """Raise TooFastError if the step is too fast."""
@@ -193,31 +192,28 @@ class MadeStep:
             raise self._look.refused
         checks.check_peaks(sorted(self.peaks, key=lambda peak: peak.quantity is Quantity.STEP_RATE))
 
-    def check_pace(self, pace: StepPace) -> None:
+    def check_pace(self, step: Step) -> None:
         """Raise TooFastError if the step is too fast with another pace."""
-        replace(self, part=self._with(pace)).check_speed()
+        moves = self.before.from_here()
+        step.add_to(moves)
+        replace(self, part=moves.composer.motion_since(0.0)).check_speed()
 
     @property
     def situation(self) -> tuple[tuple[float, ...], int]:
-        """Place and time of its beginning, as far as that decides whether it is too fast."""
+        """Place and time of its beginning; equal ones are equally fast."""
         return tuple(self.before.composer.joints.tolist()), self.from_ms % DEFAULT_POINT_MS
-
-    def _with(self, pace: StepPace) -> Trajectory | None:
-        moves = self.before.from_here()
-        replace(self.step, pace=pace).add_to(moves)
-        return moves.composer.motion_since(0.0)
 
 
 @dataclass(frozen=True, slots=True)
 class _FastStep:
-    """A step that is too fast at a place."""
+    """A step at a place where it is too fast."""
 
     made: MadeStep
     error: checks.TooFastError
 
 
 def fast_steps(made: Iterable[MadeStep]) -> Iterator[str]:
-    """Yield a message for each step that is too fast, with the values that pass wherever it is made."""
+    """Yield a message for each step that is too fast, with values that pass at all of its places."""
     wrong: dict[int, list[_FastStep]] = {}
     judged = Counter[str]()
     for step in made:
@@ -244,14 +240,14 @@ def _message(group: list[_FastStep], judged: Mapping[str, int]) -> str:
 
 
 def _advice(step: Step, group: list[_FastStep]) -> str:
-    if step.pace is None:
+    if not step.keys:
         return ""
     worst_first = sorted(group, key=lambda fast: -fast.error.least_stretch)
     different = {fast.made.situation: fast for fast in reversed(worst_first)}
     places = sorted(different.values(), key=lambda fast: -fast.error.least_stretch)
     turns_in_space = not make_kinematics(places[0].made.robot).task.is_flat
-    names = [name for name in step.pace.keys if name != "speed_deg_s" or turns_in_space]
-    values = passing_values(step.pace, names, places[0].error, [fast.made.check_pace for fast in places])
+    names = [name for name in step.keys if name != "speed_deg_s" or turns_in_space]
+    values = passing_values(step, names, places[0].error, [fast.made.check_pace for fast in places])
     if not values:
         return f"no {' and no '.join(names)} alone passes"
     return f"{' or '.join(values)} passes"

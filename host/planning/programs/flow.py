@@ -1,4 +1,4 @@
-"""When the steps of a program are made that flow into each other, and outputs that change on their way."""
+"""Times of blended steps of a program, and of outputs that change on their path."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,26 +13,26 @@ from steptwin.host.planning.programs.paces import OnTheWay
 from steptwin.host.planning.trajectory import OutputChange, Trajectory
 
 _WHOLE_MS: Final = 1e-6
-"""Part of a millisecond by which a time may be after a whole one and still count as it."""
+"""Tolerance in ms for a time after a whole millisecond."""
 
 
 BranchesOnWay = tuple[str, tuple[tuple[float, str], ...]]
-"""The branch on which the arm begins a path, and the times from which on it is on another one, and its name."""
+"""Branch of the arm at the start of a path, and times and names of its changes."""
 
 
 @dataclass(frozen=True, slots=True)
 class LegTime:
-    """When a step that flowed was made.
+    """Times of a blended step.
 
     Attributes:
-        from_s: time of the sequence when it begins, where the corner before it is passed.
+        from_s: time in the sequence when it begins, at the corner before it.
         until_s: time when it ends.
         motion: its part of the motion.
-        branches: branches on which the arm is; none for a step that leads no tool along a path.
-        passes_mm: distance at which the corner at its end is passed; None at the end of the motion.
-        stops: True if it stops at its end although it need not, since that is faster.
-        switched: outputs that change on its way.
-        drives: what the motors say of the whole motion that ends with it; None elsewhere.
+        branches: branches of the arm; empty for a step without a path of the tool.
+        passes_mm: distance from the corner at its end; None at the end of the motion.
+        stops: True if it stops at its end by choice, since that is faster.
+        switched: outputs that change on its path.
+        drives: margins of the drives in the whole motion that ends with it; None elsewhere.
     """
 
     from_s: float
@@ -46,7 +46,7 @@ class LegTime:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What becomes of the corner at the step's end, and which outputs change, in words."""
+        """Treatment of the corner at the step's end, and changes of outputs, as text."""
         notes = [switching_words(change) for change in self.switched]
         if self.stops:
             notes.append("stops at its end, which is faster than rounding the corner")
@@ -56,21 +56,20 @@ class LegTime:
 
 
 def switching_words(change: OutputChange) -> str:
-    """Return a change of an output in words."""
+    """Return a change of an output as text."""
     return f"{change.output} {'on' if change.on else 'off'} at {change.from_s:.3f} s"
 
 
 LATE_S: Final = 0.01
-"""Time by which an output must have changed after it may: a record's begin is seen a few milliseconds later."""
+"""Largest delay of an output's change: the start of a record is detected a few milliseconds later."""
 
 
 def switch_on_way(
     composer: Composer, outputs: Sequence[OnTheWay], times_s: Sequence[float], begins_s: float
 ) -> tuple[OutputChange, ...]:
-    """Let outputs change on a motion that begins at a time of the composer's sequence; return the changes.
+    """Change outputs during a motion that begins at a time of the composer's sequence; return the changes.
 
-    `times_s` says when the motion is at the place of each, from its begin on. Raises InputError for a change that would
-    come before the motion.
+    `times_s` are the motion's times at the place of each. Raises InputError for a change before the motion.
     """
     changes = []
     for each, there_s in zip(outputs, times_s, strict=True):
@@ -86,6 +85,6 @@ def switch_on_way(
 
 
 def check_none_gathered(legs: FlowingSteps | None, what: str) -> None:
-    """Raise InputError if a step flows on into something that begins at rest."""
+    """Raise InputError if a step is blended with one that begins at rest."""
     if legs is not None and legs.is_open:
         raise InputError(f"{what} begins at rest, but the step before flows on: leave its blend_mm out")

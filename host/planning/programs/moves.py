@@ -1,4 +1,4 @@
-"""The moves of a program under construction: positions become joints and poses, paths become motions."""
+"""Moves of a program under construction: positions are converted to joints and poses, paths to motions."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -50,8 +50,8 @@ from steptwin.host.robots.workspace.nearest_pose import passing_text
 def turning_law(robot: Robot, turn: Turn, branch: str, start: FloatArray, goal: FloatArray, percent: float) -> Law:
     """Return the jerk-limited law of the angle, within a percentage of the joints' limits of speed and acceleration.
 
-    The joints do not turn in proportion to the angle. So the law for their way as a whole, from `start` to `goal`, is
-    tried, and stretched by as much as the peaks are beyond the percentage.
+    The joints do not turn in proportion to the angle. So the law for the joints' whole travel, from `start` to `goal`,
+    is tried, and stretched by the excess of its peaks.
     """
     whole = limits_along(robot, goal - start)
     speed, acceleration = (turn.length_mm * limit * percent / 100 for limit in whole)
@@ -69,12 +69,12 @@ _HALF_TURN_DEG: Final = 180.0
 
 
 def _turn_deg(path: ToolPath) -> float:
-    """Return the angle by which the tool turns in space on a path; 0 for paths of SCARAs, whose joints' limits rule."""
+    """Return the angle by which the tool turns in space on a path; 0 for SCARAs, which only joint limits restrict."""
     return path.turning.angle_deg if isinstance(path, Oriented) else 0.0
 
 
 def check_steps(robot: Robot, distances: Mapping[str, float]) -> None:
-    """Raise InputError unless the robot's tool can be moved by distances and angles with these names."""
+    """Raise InputError if the robot's tool cannot be moved by distances and angles with these names."""
     kinematics = make_kinematics(robot)
     if "phi" in distances and kinematics.attitude_follows:
         raise InputError(f"phi: the tool of {robot.name} does not turn by itself")
@@ -82,7 +82,7 @@ def check_steps(robot: Robot, distances: Mapping[str, float]) -> None:
 
 
 class Moves:
-    """Moves from a robot's position on, with the program's named positions; `composer` holds the motions so far."""
+    """Moves from a robot's position on, with the program's named positions; `composer` has the motions so far."""
 
     def __init__(
         self,
@@ -92,29 +92,29 @@ class Moves:
         pallets: Mapping[str, Pallet] | None = None,
         drives: DriveLimits | None = None,
     ) -> None:
-        """Begin at joints of shape (joints,), or at the robot's home position."""
+        """Start at joints of shape (joints,), or at the robot's home position."""
         self._robot = robot
         self._positions = positions
         self._pallets = pallets or {}
         self._drives = drives
         self.cells: Cells = {}
-        """The present cell of each pallet whose cells are visited."""
+        """Present cell of each pallet in use."""
         self._kinematics = make_kinematics(robot)
         self._task = self._kinematics.task
         self.composer: Composer = Composer(robot, np.array(robot.home) if joints is None else joints)
         self.place = ""
-        """The step that is being added, as messages name it."""
+        """Step that is being added, as text for messages."""
         self.legs: FlowingSteps | None = None
-        """The steps that flow into each other and have not ended yet."""
+        """Blended steps that have not ended yet."""
         self.switched: tuple[OutputChange, ...] = ()
-        """Outputs that change on the way of the last step that did not flow."""
+        """Outputs that change on the path of the last step without blending."""
         self.notes: tuple[str, ...] = ()
-        """What else there is to say of the last step."""
+        """Further notes about the last step."""
         self.leg_times: list[LegTime] = []
-        """When the steps were made that flowed into each other up to the last one that ended."""
+        """Times of the blended steps up to the last one that ended."""
 
     def from_here(self) -> "Moves":
-        """Return new moves, without any yet, that begin where these have come to."""
+        """Return new moves that start at the present position."""
         moves = Moves(self._robot, self._positions, self.composer.joints, self._pallets, self._drives)
         moves.cells = self.cells
         return moves
@@ -143,7 +143,7 @@ class Moves:
         return self._solve(self._wanted(pose), None)
 
     def says_everything(self, target: Target) -> bool:
-        """Return whether a position leaves no joint or coordinate as it is; the branch may be left as it is."""
+        """Return whether a position defines all joints or coordinates; the branch may be open."""
         match self._found(target):
             case None:
                 return False
@@ -156,7 +156,7 @@ class Moves:
                 return not left_out or (self._kinematics.attitude_follows and left_out == {"phi"})
 
     def says_branch(self, target: Target) -> bool:
-        """Return whether a position is on one branch, wherever the robot stands."""
+        """Return whether a position defines the branch, wherever the robot is."""
         match self._found(target):
             case None:
                 return False
@@ -166,7 +166,7 @@ class Moves:
                 return branch is not None or len(self._kinematics.branches) == 1
 
     def check_some_branch(self, target: Target) -> None:
-        """Raise InputError if no branch reaches a position of the tool that says all but its branch."""
+        """Raise InputError if no branch reaches a position that defines all but its branch."""
         position = self._position(target)
         if isinstance(position, ToolPosition):
             unknown_pose = (nan,) * self._task.width
@@ -199,7 +199,7 @@ class Moves:
             self.composer.go_by(pace.along(self._robot, way), goal)
 
     def line(self, goal: Pose, pace: ToolPace) -> None:
-        """Move the tool straight to a pose; where only the attitude differs, turn it on the spot, at SPEED_PERCENT."""
+        """Move the tool straight to a pose; if only the attitude differs, turn it on the spot, at SPEED_PERCENT."""
         here = self._here()
         if not is_no_way(np.subtract(goal, here)[:3]):
             self._straight(straight(self._task, here, goal), goal, pace)
@@ -232,12 +232,12 @@ class Moves:
         self._follow(arc if task.is_flat else Oriented(arc, Turning(task, np.array(here[3:]), turn_deg)), pace)
 
     def through(self, poses: list[Pose], smoothing: Smoothing, pace: ToolPace) -> None:
-        """Move the tool along the curve from where it is through poses; each turns on from the one before."""
+        """Move the tool along the curve from its position through poses; each turn continues from the last one."""
         rows = np.array([self._here(), *poses])
         self._follow(curve_through(self._task, rows, smoothing), pace, *poses)
 
     def _follow(self, path: ToolPath, pace: ToolPace, *goals: Pose) -> None:
-        """Move along a path; a goal on it that is out of reach is refused before a place on the way."""
+        """Move along a path; refuse a goal out of reach before a place on the path."""
         if not path.length_mm > NO_WAY:
             raise InputError(f"the path of the tool is {path.length_mm:.3g} mm long: that is no way")
         for goal in goals:
@@ -245,7 +245,7 @@ class Moves:
         self._move_along(path, pace, pace.along(path.length_mm, _turn_deg(path)))
 
     def _check_goal(self, goal: Pose, path: ToolPath) -> None:
-        """Raise InputError for a goal on a path that is out of reach on each branch on which the arm is on its way."""
+        """Raise InputError for a goal of a path that is out of reach on all branches along the path."""
         wanted, own = self._wanted(goal), self._branch()
         try:
             self._solve(wanted, own, on_path=True)
@@ -260,7 +260,7 @@ class Moves:
     def _straight(self, line: ToolPath, end: Pose, pace: ToolPace) -> None:
         try:
             self._follow(line, pace, end)
-        except OutOfReachError:  # at a singularity the joints still can move the tool straight, such as a lift alone
+        except OutOfReachError:  # at a singularity the joints may still move the tool straight, as with a lift alone
             goal = self._straight_in_joints(line, end)
             if goal is None:
                 raise
@@ -270,9 +270,9 @@ class Moves:
                 self.composer.go_by(pace.share(line.length_mm, _turn_deg(line)), goal)
 
     def end_flow(self) -> None:
-        """Let the steps that flow end at rest, if there are any, and note their times in `leg_times`.
+        """Bring blended steps to rest, if there are any, and store their times in `leg_times`.
 
-        Raises CornerError for a corner that cannot be rounded; the robot then stands at the end without a motion.
+        Raises CornerError for a corner that cannot be rounded; the position is then the end, without a motion.
         """
         legs, end = self.legs, self.composer.joints
         self.legs = None
@@ -285,15 +285,15 @@ class Moves:
                 raise
 
     def forget_flow(self) -> None:
-        """Forget the steps that flow: the next one begins where the robot stands."""
+        """Drop blended steps: the next one begins at the present position."""
         self.legs = None
 
     def _flows(self, pace: StepPace) -> bool:
-        """Return whether a step is timed together with others, or by the law of such a motion."""
+        """Return whether a step is blended, or has the law of blended motions."""
         return pace.is_whole or (self.legs is not None and self.legs.is_open)
 
     def _gathering(self) -> FlowingSteps:
-        """Return the steps that flow, which begin here if there are none yet."""
+        """Return the blended steps, new ones at the present position if there are none."""
         if not self.legs:
             self.legs = motion_timer().flow(self._robot, self.composer.joints, self._drives)
         return self.legs
@@ -303,7 +303,7 @@ class Moves:
         self._gathered(pace)
 
     def _move_along(self, path: ToolPath, pace: ToolPace, law: Law) -> None:
-        """Move the tool along a path, by its own law unless it flows."""
+        """Move the tool along a path, by its own law unless it is blended."""
         branch = self._branch()
         if self._flows(pace):
             self.composer.joints = self._gathering().add_path(self.composer.joints, path, branch, pace)
@@ -319,7 +319,7 @@ class Moves:
             self.end_flow()
 
     def _stay(self, pace: ToolPace) -> None:
-        """Make no motion, since the tool is there; raise InputError for outputs that were to change on its way."""
+        """Make no motion, since the tool is there; raise InputError for outputs on the path."""
         for each in pace.outputs:
             raise InputError(
                 f"outputs.{each.output}: the tool is there already, so it has no way on which an output could change:"
@@ -328,13 +328,13 @@ class Moves:
         self._gathered(pace)
 
     def _begin_turn(self, pace: ToolPace) -> None:
-        """Raise InputError if a turn on the spot is asked to flow into a step, or a step into it."""
+        """Raise InputError for a blend between a turn on the spot and another step."""
         check_none_gathered(self.legs, "a turn on the spot")
         if pace.blend_mm is not None:
             raise InputError("blend_mm: a turn on the spot has no way to round; leave it out")
 
     def _straight_in_joints(self, line: ToolPath, end: Pose) -> FloatArray | None:
-        """Return the joints at a line's end if the tool keeps the line when all joints move in proportion."""
+        """Return the joints at a line's end if a joint move keeps the tool on the line."""
         with suppress(InputError):
             goal = self._solve(self._wanted(end), self._branch())
             if is_straight_in_joints(self._robot, line, self.composer.joints, goal):
@@ -342,11 +342,11 @@ class Moves:
         return None
 
     def _wanted(self, goal: Pose) -> Pose:
-        """Return a path's goal without the attitude if that follows from the arm."""
+        """Return a path's goal without an attitude that depends on the arm."""
         return (*goal[:3], nan) if self._kinematics.attitude_follows else goal
 
     def _turn_in_space(self, here: Pose, goal: Pose, pace: ToolPace) -> None:
-        """Turn the tool on the spot by the shortest rotation, if there is any, at the pace's speed."""
+        """Turn the tool on the spot by the shortest rotation, if any, at the pace's speed."""
         if self._task.is_flat:
             self._stay(pace)
             return
@@ -364,7 +364,7 @@ class Moves:
         branch, start = self._branch(), self.composer.joints
         goal = self._solve((*turn.start[:3], turn.start[3] + turn.angle_deg), branch)
         if is_straight_in_joints(self._robot, turn, start, goal):  # a wrist alone, also at a singularity
-            self.go(goal, JointPace(pace.law))
+            self.go(goal, JointPace(law=pace.law))
         else:
             self._move_along(turn, pace, turning_law(self._robot, turn, branch, start, goal, SPEED_PERCENT))
 
@@ -380,23 +380,24 @@ class Moves:
         return self._positions[target]
 
     def _found(self, target: Target) -> Position | None:
-        """Return a position; None if there is none."""
+        """Return a position; None if it does not exist."""
         with suppress(InputError):
             return self._position(target)
         return None
 
     def _beside(self, target: Beside) -> ToolPosition:
         """Return a position beside a named one or beside the present cell, along the axes of the cell's frame."""
-        if target.is_cell:
-            pallet, number = self._pallets[target.of], self.cells.get(target.of)
+        if target.cell:
+            pallet, number = self._pallets[target.cell], self.cells.get(target.cell)
             if number is None:
-                raise InputError(f'cell: {target.of!r} has no present cell: put the step into `each = "{target.of}"`')
+                each = f'each = "{target.cell}"'
+                raise InputError(f"cell: {target.cell!r} has no present cell: put the step into `{each}`")
             base: Position = pallet.cells[number]
             frame = pallet.frame
         else:
-            base, frame = self._position(target.of), STATION_FRAME
+            base, frame = self._position(target.at), STATION_FRAME
         if isinstance(base, JointPosition):
-            raise InputError(f"at: {target.of!r} is a position of the joints; an offset is beside one of the tool")
+            raise InputError(f"at: {target.at!r} is a position of the joints; an offset is beside one of the tool")
         way_mm = frame.turned(np.array([target.offset.get(name, 0.0) for name in PLACE]))
         moved = dict(zip(PLACE, way_mm.tolist(), strict=True)) | {"phi": target.offset.get("phi", 0.0)}
         here = self._task.figures(np.array(self._here())).tolist()
@@ -413,7 +414,7 @@ class Moves:
         return self._pose(self.composer.joints)
 
     def _with(self, position: ToolPosition) -> Pose:
-        """Return the present pose with some coordinates changed; an attitude that follows from the arm does so."""
+        """Return the present pose with some coordinates changed; a dependent attitude follows the arm."""
         pose = self._task.changed(self._here(), position.coordinates, position.orientation)
         if not self._kinematics.attitude_follows:
             return pose
@@ -431,9 +432,9 @@ class Moves:
         return self._kinematics.inverse(np.array([pose]), self.composer.joints)
 
     def _solve(self, pose: Pose, branch: str | None, *, on_path: bool = False) -> FloatArray:
-        """Return the joints at a pose on a branch, by default on the one on which the arm is.
+        """Return the joints at a pose on a branch, by default on the present one.
 
-        InputError for a pose out of reach names the nearest one that passes, with `on_path` on a path of the tool.
+        InputError for a pose out of reach names the nearest one in reach, with `on_path` on a path of the tool.
         """
         name = branch or self._branch()
         if name not in self._kinematics.branches:
@@ -451,11 +452,11 @@ class Moves:
         return self._with_nearest_turns(solved[name].joints[0])
 
     def _branch(self) -> str:
-        """Return the branch on which the arm is."""
+        """Return the present branch."""
         return present_branch(self._robot, self.composer.joints)
 
     def _with_nearest_turns(self, joints: FloatArray) -> FloatArray:
-        """Return joints with the rotary ones in the turns nearest to the present ones, if these are in their limits."""
+        """Return joints in the turns nearest to the present ones, if these turns are in their limits."""
         nearest = nearest_turns(self._robot, joints, self.composer.joints)
         within = [joint.lower <= q <= joint.upper for joint, q in zip(self._robot.joints, nearest, strict=True)]
         return np.where(within, nearest, joints)

@@ -1,7 +1,7 @@
-"""Check what the steps of a program name: positions, joints, branches, outputs, inputs and sequences.
+"""Check the names in a program's steps: positions, joints, branches, outputs, inputs and sequences.
 
-Every step is looked at once, also those of sequences that nobody calls, and none is made for it: a step after a wrong
-one, or a program whose robot is wrong, is judged as well.
+Every step is checked once, even in unused sequences, without being made. So steps after an invalid one, or of a program
+with an invalid robot, are checked, too.
 """
 
 from collections.abc import Iterable, Mapping
@@ -22,26 +22,26 @@ from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
 CALLS_DEEP_MAX: Final = 50
-"""Number of sequences that may call one another in a row."""
+"""Deepest nesting of sequence calls."""
 
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """Names that the steps of a program may use; without a robot nothing is said about what is the robot's.
+    """Names that the steps of a program may use; without a robot, names of the robot are not checked.
 
-    Every method raises InputError for a name that is unknown, UnreadError for one whose definition is wrong.
+    Every method raises InputError for an unknown name, UnreadError for one with an invalid definition.
     """
 
     program: Program
     robot: Robot | None
 
     def target(self, target: Target) -> None:
-        """Check a position, one beside another, or the name of one."""
+        """Check a position, an offset from one, or the name of one."""
         if isinstance(target, Beside):
-            if target.is_cell:
-                self.pallet(target.of)
+            if target.cell:
+                self.pallet(target.cell)
             else:
-                self.target(target.of)
+                self.target(target.at)
         elif not isinstance(target, str):
             self.position(target)
         elif self.program.positions.get(target) is None:
@@ -55,11 +55,6 @@ class Names:
             if name not in self.program.pallets and self.program.has_all_names:
                 raise unknown("pallet", name, self.program.pallets)
             raise UnreadError
-
-    def targets(self, *targets: Target) -> None:
-        """Check several positions."""
-        for target in targets:
-            self.target(target)
 
     def position(self, position: Position) -> None:
         """Check the joints or the branch of a position."""
@@ -94,11 +89,6 @@ class Names:
         if self.robot is not None:
             require_output(self.robot, name)
 
-    def outputs_of(self, pace: ToolPace) -> None:
-        """Check the names of the outputs that change on the way."""
-        for change in pace.outputs:
-            self.output(change.output)
-
     def input(self, name: str) -> None:
         """Check the name of a digital input."""
         if self.robot is not None:
@@ -106,7 +96,7 @@ class Names:
 
 
 def check_names(program: Program, robot: Robot | None, findings: Findings) -> Program:
-    """Return the program with a WrongStep for each step that names something unknown; these are the findings."""
+    """Return the program with a WrongStep for each step with an unknown name; these are the findings."""
     return _Checking(program, robot, findings).checked()
 
 
@@ -119,7 +109,7 @@ class _Checking:
         self._names = Names(self._program, robot)
         self._sequences: dict[str, tuple[AnyStep, ...]] = {}
         self._depths: dict[str, int] = {}
-        """Number of sequences that call one another in a row from each one on."""
+        """Depth of calls below each sequence."""
 
     def checked(self) -> Program:
         program = self._program
@@ -132,13 +122,11 @@ class _Checking:
 
     def _check_expected(self, expects: Mapping[str, Any]) -> None:
         """Let features judge the values of their keys; without a robot nothing is known of them."""
-        if self._robot is None:
-            return
-        for feature, check in giving("check_program"):
-            for key in feature.program_keys:
-                if key in expects:
+        for feature, keys in giving("program_keys"):
+            for key in keys():
+                if key in expects and self._robot is not None and feature.check_program is not None:
                     with self._findings.collecting():
-                        check(self._robot, key, expects[key])
+                        feature.check_program(self._robot, key, expects[key])
 
     def _with_checked_positions(self, program: Program) -> Program:
         positions: dict[str, Position | None] = {}
@@ -157,10 +145,10 @@ class _Checking:
         return False
 
     def _visit(self, name: str, callers: tuple[str, ...]) -> None:
-        """Check the steps of a sequence, unless that has been done."""
+        """Check the steps of a sequence once."""
         if name not in self._sequences:
             self._depths[name] = 1
-            steps = self._program.sequences[name]
+            steps = self._program.sequences[name] or ()
             self._sequences[name] = self._steps(steps, f"sequences.{name} step ", (*callers, name))
 
     def _steps(self, steps: tuple[AnyStep, ...], place: str, callers: tuple[str, ...]) -> tuple[AnyStep, ...]:
@@ -181,21 +169,26 @@ class _Checking:
 
     def _single(self, step: Step, place: str) -> AnyStep:
         with self._findings.collecting(f"{place} ({step}): "):
+            for target in step.targets:
+                self._names.target(target)
             step.check(self._names)
+            if isinstance(step, ToolPace):
+                for change in step.outputs:
+                    self._names.output(change.output)
             return step
-        return WrongStep(moves=step.pace is not None)
+        return WrongStep(step.moves)
 
     def _each(self, each: Each, place: str, callers: tuple[str, ...]) -> AnyStep:
         checked = replace(each, steps=self._steps(each.steps, f"{place}.", callers))
         with self._findings.collecting(f"{place}: "):
-            for name in each.pallets:
+            for name in each.each:
                 self._names.pallet(name)
             visited(self._program, checked)
             return checked
         return WrongStep(moves=True)
 
     def _can_call(self, name: str, callers: tuple[str, ...]) -> bool:
-        """Return whether a sequence has steps, and check them; raise InputError for one that cannot be called here."""
+        """Check a sequence and return whether it has steps; raise InputError if it cannot be called here."""
         sequences = self._program.sequences
         if name not in sequences:
             if self._program.has_all_names:

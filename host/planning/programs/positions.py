@@ -1,23 +1,26 @@
-"""Positions in a program: of joints or of the tool, written down where they are needed or under a name.
+"""Positions in a program: of joints or of the tool, inline or named.
 
-Entries are added and taken away line by line, so that comments, order and layout of the others stay. The new text is
-read again before it is written: an entry that does not stand in one line of its own is refused.
+Entries are inserted and deleted line by line, which keeps comments, order and layout of the others. The new text is
+read before it is written: an entry that is not on one line of its own is refused.
 """
 
 import json
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Any, Final
 
 from steptwin.host.common.bad_input import prefixed, shortened, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, PROGRAM_BYTES_MAX
+from steptwin.host.common.file_models import FileReading, FileTable, read_table, read_toml, table_schema
+from steptwin.host.common.file_values import Choice, ReadBy
+from steptwin.host.common.findings import Part, UnreadError
 from steptwin.host.common.own_files import read_text
-from steptwin.host.common.tables import Table, number_at, toml_table
+from steptwin.host.common.tables import Table, number_at
 from steptwin.host.common.whole_file import whole_file
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.poses import ORIENTATIONS, STEP_NAMES, Orientation
@@ -26,18 +29,18 @@ from steptwin.host.robots.robot import Robot
 
 @dataclass(frozen=True, slots=True)
 class JointPosition:
-    """Positions of some joints, by name, in mm and degrees; the others stay where they are."""
+    """Positions of some joints, by name, in mm and degrees; the others do not move."""
 
     joints: Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True)
 class ToolPosition:
-    """A pose of the tool, where some coordinates may be left out: these stay as they are.
+    """A pose of the tool; missing coordinates stay as they are.
 
     Attributes:
         coordinates: x, y and z in mm and phi in degrees, by name; of a relative move also rx, ry and rz in degrees.
-        branch: branch of the inverse kinematics; None for the one on which the arm is.
+        branch: branch of the inverse kinematics; None for the present one.
         orientation: orientation of a tool that turns in space; None if it stays.
     """
 
@@ -47,7 +50,7 @@ class ToolPosition:
 
     @property
     def words(self) -> str:
-        """The numbers in words."""
+        """The numbers as text."""
         numbers = [f"{name} {value:g}" for name, value in self.coordinates.items()]
         return ", ".join([*numbers, str(self.orientation)] if self.orientation else numbers)
 
@@ -56,48 +59,55 @@ Position = JointPosition | ToolPosition
 
 
 @dataclass(frozen=True, slots=True)
-class Beside:
-    """A position beside another one: the named one, or the present cell of a pallet.
+class Beside(FileTable):
+    """A position beside a named one, or beside the present cell of a pallet.
 
     Attributes:
-        of: name of the position or the pallet.
-        offset: way to it in mm, and turn by phi in degrees, by coordinate; along a cell's frame, or the station's axes.
-        is_cell: True for a pallet.
+        at: name of the position.
+        cell: name of the pallet, in place of `at`.
+        offset: distances to it in mm, and turn by phi in degrees; along a cell's frame, or the station's axes.
     """
 
-    of: str
-    offset: Mapping[str, float]
-    is_cell: bool
+    at: str = ""
+    cell: str = ""
+    offset: Mapping[Annotated[str, Choice("", ("x", "y", "z", "phi"))], float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.at and self.cell:
+            raise InputError("at: beside cell; a position is beside one of them")
 
 
 Target = Position | Beside | str
-"""A position, one beside another, or the name of one."""
+"""A position, an offset from one, or the name of one."""
 
 
-def read_target(table: Table, key: str) -> Target:
-    """Return the position under a key: its name, or a table of joints or of the tool's coordinates."""
-    if isinstance(table.values.get(key), str):
-        return table.text(key, empty=False)
-    if key not in table:
-        raise InputError(f"{key}: is missing")
-    with prefixed(f"{key}: "):
-        target = Table(table.values[key], "name or table")
-        return _read_beside(target) if "cell" in target or "at" in target else read_position(target)
+def read_target(value: object, reading: FileReading) -> Target:
+    """Return a position from its name, or from a table of joints or of the tool's coordinates."""
+    if isinstance(value, str):
+        return value
+    table = Table(value, "name or table")
+    if "cell" not in table and "at" not in table:
+        return read_position(table)
+    beside: Beside = read_table(Beside, value, reading)
+    if isinstance(beside, Part):
+        raise UnreadError
+    return beside
 
 
-_OFFSETS: Final = ("x", "y", "z", "phi")
+def _target_schema() -> dict[str, Any]:
+    return {"oneOf": [{"type": "string"}, position_schema(), table_schema(Beside)]}
 
 
-def _read_beside(table: Table) -> Beside:
-    """Return a cell of a pallet, or a position beside a named one, from `{ cell = "box", offset = { z = 40.0 } }`."""
-    is_cell, offset = "cell" in table, dict[str, float]()
-    key = "cell" if is_cell else "at"
-    table.check_keys((key, "offset"))
-    if "offset" in table:
-        with table.section("offset") as ways:
-            ways.check_keys(_OFFSETS)
-            offset = {name: ways.number(name) for name in ways}
-    return Beside(table.text(key, empty=False), offset, is_cell)
+def position_schema(**others: Any) -> dict[str, Any]:
+    """Return the JSON schema of a position, with other keys beside those of joints and the tool."""
+    turn = {"type": "array", "items": {"type": "number"}, "description": "orientation of a tool that turns in space"}
+    branch = {"type": "string", "description": "branch of the inverse kinematics"}
+    keys = {"branch": branch, **dict.fromkeys(ORIENTATIONS, turn), **others}
+    return {"type": "object", "properties": keys, "additionalProperties": {"type": "number"}}
+
+
+AnyTarget = Annotated[Target, ReadBy(read_target, _target_schema)]
+"""A target as a file has it."""
 
 
 def read_position(table: Table) -> Position:
@@ -131,9 +141,25 @@ def _read_orientation(table: Table) -> Orientation | None:
     return Orientation(keys[0], tuple(values))
 
 
-_KEYS: Final = ("title", "robot", "positions")
+@dataclass(frozen=True, slots=True)
+class PositionsFile(FileTable):
+    """Positions of a robot.
+
+    Attributes:
+        title: one line about them.
+        robot: name of the robot for which they were saved.
+        positions: the positions by name.
+    """
+
+    title: str = ""
+    robot: str | None = None
+    positions: Mapping[
+        str, Annotated[Position, ReadBy(lambda value, _: read_position(Table(value, "table")), position_schema)]
+    ] = field(default_factory=dict)
+
+
 _NAME: Final = re.compile(rf"[A-Za-z0-9_-]{{1,{NAME_CHARS_MAX}}}")
-"""A name that needs no quotes, as a bare key of TOML."""
+"""A name without quotes, as a bare key of TOML."""
 _HEADER: Final = re.compile(r"\s*\[\s*positions\s*\]\s*(#.*)?")
 
 
@@ -143,13 +169,13 @@ def default_file(robot: Robot) -> str:
 
 
 def read_positions(path: str, robot: Robot) -> dict[str, Position]:
-    """Return the positions in a file, by name; raise InputError, with the file, unless it is right and the robot's."""
+    """Read the positions in a file, by name; raise InputError, with the file, if it is invalid or another robot's."""
     with prefixed(f"{path}: "):
         return _parse(read_text(path, PROGRAM_BYTES_MAX), robot)
 
 
 def find_position(positions: Mapping[str, Position], name: str, path: str) -> Position:
-    """Return a position by its name; raise InputError, with the nearest names, if there is none."""
+    """Return a position by name; raise InputError, with the nearest names, if it does not exist."""
     if name not in positions:
         with prefixed(f"{path}: "):
             raise unknown("position", name, positions)
@@ -157,7 +183,7 @@ def find_position(positions: Mapping[str, Position], name: str, path: str) -> Po
 
 
 def check_saving(path: str, robot: Robot, name: str, *, replace: bool) -> None:
-    """Raise InputError unless a position may be saved under a name: a new one, or with `replace` any."""
+    """Raise InputError if a position may not be saved under a name: a new one, or with `replace` any."""
     if not _NAME.fullmatch(name):
         raise InputError(
             f"{shortened(name)!r} is not a position's name: up to {NAME_CHARS_MAX} letters, digits, - and _"
@@ -168,9 +194,9 @@ def check_saving(path: str, robot: Robot, name: str, *, replace: bool) -> None:
 
 
 def save_position(path: str, robot: Robot, name: str, joints: list[float], comment: str, *, replace: bool) -> None:
-    """Save a position of all joints under a name, with a comment of one line; make the file if there is none.
+    """Save a position of all joints under a name, with a comment of one line; create a missing file.
 
-    The numbers have as few decimals as give the same wire units. Raises InputError as `check_saving` and OSError.
+    The numbers have the fewest decimals with the same wire units. Raises InputError as `check_saving` and OSError.
     """
     check_saving(path, robot, name, replace=replace)
     numbers = ", ".join(
@@ -193,30 +219,17 @@ def delete_position(path: str, robot: Robot, name: str) -> None:
     _write(path, robot, name, "".join(lines if at is None else lines[:at] + lines[at + 1 :]), wanted)
 
 
-def read_any_positions(path: str) -> tuple[str | None, dict[str, Position]]:
-    """Return the name of the robot that a file names, and its positions; raise InputError, with the file, if wrong."""
+def read_any_positions(path: str) -> PositionsFile:
+    """Return the content of a file of positions; raise InputError, with the file, if it is wrong."""
     with prefixed(f"{path}: "):
-        return _parse_any(read_text(path, PROGRAM_BYTES_MAX))
+        return read_toml(PositionsFile, read_text(path, PROGRAM_BYTES_MAX))
 
 
 def _parse(text: str, robot: Robot) -> dict[str, Position]:
-    owner, positions = _parse_any(text)
-    if owner not in (None, robot.name):
-        raise InputError(f"robot: the positions are for {owner}, not for {robot.name}")
-    return positions
-
-
-def _parse_any(text: str) -> tuple[str | None, dict[str, Position]]:
-    table = toml_table(text)
-    table.check_keys(_KEYS)
-    owner = table.optional("robot", table.text)
-    positions: dict[str, Position] = {}
-    if "positions" in table:
-        with table.section("positions") as named:
-            for name in named:
-                with prefixed(f"{name}: "):
-                    positions[name] = read_position(Table(named.values[name], "table"))
-    return owner, positions
+    file = read_toml(PositionsFile, text)
+    if file.robot not in (None, robot.name):
+        raise InputError(f"robot: the positions are for {file.robot}, not for {robot.name}")
+    return dict(file.positions)
 
 
 def _new_text(robot: Robot) -> str:
@@ -232,12 +245,12 @@ def _key(name: str) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Return a printable text as a string of TOML, which escapes as JSON does."""
+    """Return a printable text as a TOML string; TOML escapes as JSON does."""
     return json.dumps(text, ensure_ascii=False)
 
 
 def _shortest(joint: Joint, position: float) -> str:
-    """Return a position with as few decimals, at least one, as give the same wire units of the joint itself."""
+    """Return a position with the fewest decimals, at least one, with the same wire units of the joint."""
     units = joint.transmission.to_units(position)
     texts = (f"{position + 0.0:.{decimals}f}" for decimals in count(1))
     return next(text for text in texts if joint.transmission.to_units(float(text)) == units)
@@ -247,7 +260,7 @@ def _shortest(joint: Joint, position: float) -> str:
 
 
 def _with_entry(text: str, name: str, entry: str) -> str:
-    """Return the text with an entry in place of one of the same name, else at the end of [positions]."""
+    """Return the text with an entry in place of one with its name, or at the end of [positions]."""
     lines = text.splitlines(keepends=True)
     at = _line_of(lines, name)
     if at is not None:
@@ -270,7 +283,7 @@ def _section(lines: list[str]) -> tuple[int, int]:
 
 
 def _line_of(lines: list[str], name: str) -> int | None:
-    """Return the line of [positions] that holds a whole entry of this name; None if there is none."""
+    """Return the line of [positions] with a whole entry of this name; None if there is none."""
     begin, end = _section(lines)
     return next((i for i in range(begin + 1, end) if _keys_of(lines[i]) == [name]), None)
 
@@ -283,7 +296,7 @@ def _keys_of(line: str) -> list[str]:
 
 
 def _write(path: str, robot: Robot, name: str, text: str, wanted: Mapping[str, Position]) -> None:
-    """Write a new text, whole, if it holds the wanted positions."""
+    """Write a new text whole, if it has the wanted positions."""
     with prefixed(f"{path}: "):
         try:
             right = _parse(text, robot) == wanted

@@ -1,57 +1,80 @@
-"""A program: named positions, named sequences of steps, the steps themselves, and the robot that it names."""
+"""A program: named positions, named sequences of steps, the steps, and its robot."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Annotated, Any, Final, NamedTuple
 
 from steptwin.host.common.bad_input import nearest, prefixed, unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import giving
+from steptwin.host.common.file_values import OneOf, ReadBy, TableList, Within
+from steptwin.host.common.findings import Part
 from steptwin.host.common.own_files import is_file
 from steptwin.host.planning.drives import AskedLimits
 from steptwin.host.planning.programs.pallets import Cells, Pallet, cell_numbers
 from steptwin.host.planning.programs.positions import Position, Target
-from steptwin.host.planning.programs.steps import Step
+from steptwin.host.planning.programs.steps import VERBS, Step, StepTable
 from steptwin.host.robots import SUFFIX, load_robot, load_robot_file, robot_names
 from steptwin.host.robots.robot import Robot
 
 STEPS_MAX: Final = 5_000
-"""Number of steps, with repetitions and calls written out, that a program may have."""
+"""Largest number of a program's steps, with repetitions and calls expanded."""
 
 
 @dataclass(frozen=True, slots=True)
-class Repeat:
-    """Steps that are made several times."""
-
-    times: int
-    steps: tuple["AnyStep", ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Each:
-    """Steps that are made for each cell of a pallet, or of several with as many cells at once.
+class Repeat(StepTable):
+    """Steps that are made several times.
 
     Attributes:
-        pallets: names of the pallets.
-        cells: the cells to visit, such as `3..7`; None for all.
+        repeat: how many times.
         steps: the steps.
     """
 
-    pallets: tuple[str, ...]
-    cells: str | None
-    steps: tuple["AnyStep", ...]
+    repeat: Annotated[int, Within(1, 10_000)]
+    steps: "Steps"
+
+
+def _read_pallets(value: object, _: object) -> tuple[str, ...]:
+    names = [value] if isinstance(value, str) else value
+    if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
+        raise InputError("is the name of a pallet, or a list of names")
+    return tuple(names)
+
+
+def _pallets_schema() -> dict[str, Any]:
+    return {"oneOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]}
 
 
 @dataclass(frozen=True, slots=True)
-class Call:
-    """The steps of a named sequence."""
+class Each(StepTable):
+    """Steps that are made for each cell of a pallet, or of several with as many cells at once.
 
-    sequence: str
+    Attributes:
+        each: name of the pallet, or names of pallets.
+        steps: the steps.
+        cells: the cells to visit, such as `3..7`; without it all.
+    """
+
+    each: Annotated[tuple[str, ...], ReadBy(_read_pallets, _pallets_schema)]
+    steps: "Steps"
+    cells: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Call(StepTable):
+    """The steps of a named sequence.
+
+    Attributes:
+        call: name of the sequence.
+    """
+
+    call: str
 
 
 @dataclass(frozen=True, slots=True)
 class WrongStep:
-    """A step about which there is a finding already; it keeps its number for the others.
+    """A step with an error; it keeps its number.
 
     Attributes:
         moves: True if the position of the robot is unknown after it.
@@ -59,8 +82,23 @@ class WrongStep:
 
     moves: bool
 
+    @classmethod
+    def if_wrong(cls, step: Any) -> Any:
+        """Return a step that has been read, or what stands for it if it could not be read as a whole."""
+        return cls(getattr(step, "moves", True)) if step is None or isinstance(step, Part) else step
 
-AnyStep = Step | Repeat | Each | Call | WrongStep
+
+def step_models() -> dict[str, Any]:
+    """Return the models of all steps, also those of features, by their verbs."""
+    of_features = {verb: model for _, given in giving("program_steps") for verb, model in given().items()}
+    return {**VERBS, "call": Call, **of_features, "repeat": Repeat, "each": Each}
+
+
+_OTHER_WORDS: Final = dict.fromkeys(("wait_s", "pause_s", "sleep", "delay", "dwell"), "pause")
+"""Words that authors write for a verb."""
+
+AnyStep = Annotated[Step | Repeat | Each | Call | WrongStep, OneOf("step", step_models, _OTHER_WORDS)]
+Steps = Annotated[tuple[AnyStep, ...], TableList("step", STEPS_MAX, WrongStep.if_wrong)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,18 +107,18 @@ class Program:
 
     Attributes:
         title: one line that says what it does; may be empty.
-        robot: name of the robot for which it was written, or path of its file; None if it does not say.
-        start: position where it begins; None for the robot's home position.
-        positions: positions by name, with those of the file that it names; None for one that is wrong.
-        positions_for: name of the robot for which the file's positions were saved; None if there is none.
+        robot: name of its robot, or path of the robot's file; None if it is missing.
+        start: start position; None for the robot's home position.
+        positions: positions by name, with those of the named file; None for an invalid one.
+        positions_for: name of the robot of the positions' file; None without one.
         sequences: sequences of steps by name, for `call`.
         steps: the steps.
-        pallets: pallets by name; None for one that is wrong.
-        limits: what its fastest steps keep to besides the joints' limits; None: nothing.
-        expects: what features are to find at the end, by their keys of the file.
-        folder: folder from which the paths in it count.
-        starts: False if the position where it begins is wrong.
-        has_all_names: False if positions or sequences are missing because they could not be read.
+        pallets: pallets by name; None for an invalid one.
+        limits: limits of its fastest steps besides the joints'; None: none.
+        expects: what features expect at the end, by their keys of the file.
+        folder: folder where its relative paths begin.
+        starts: False if the start position is invalid.
+        has_all_names: False if positions or sequences are missing because they are invalid.
     """
 
     title: str
@@ -102,9 +140,8 @@ class Place(NamedTuple):
     """The place of a step in its program.
 
     Attributes:
-        number: number of the step, behind those of the repetitions and calls it is in, as in `3.2`.
-        passes: the pass of each of these repetitions, from 1 on, or the cell of a pallet; those that are made once do
-            not count.
+        number: number of the step, after those of its repetitions and calls, as in `3.2`.
+        passes: pass of each repetition, from 1 on, or cell of a pallet; repetitions with one pass do not count.
     """
 
     number: str
@@ -115,17 +152,17 @@ class Place(NamedTuple):
 
     @property
     def pass_word(self) -> str:
-        """What a pass is called."""
+        """Word for a pass."""
         return "cell" if any(isinstance(each, str) for each in self.passes) else "pass"
 
     @property
     def pass_text(self) -> str:
-        """The passes as a text, such as `2` or, for a repetition in a repetition, `2.1`; `2,1,1` for a cell."""
+        """The passes as text, such as `2` or, for a repetition in a repetition, `2.1`; `2,1,1` for a cell."""
         return ".".join(map(str, self.passes))
 
 
 class Written(NamedTuple):
-    """A step that is made at a place of the program, at cells of pallets."""
+    """A step at a place of the program, at cells of pallets."""
 
     place: Place
     step: Step | WrongStep
@@ -133,7 +170,7 @@ class Written(NamedTuple):
 
 
 def written_out(program: Program) -> Iterator[Written]:
-    """Yield the steps of a program whose names have been checked, so that no sequence calls itself."""
+    """Yield the steps of a program with checked names, so no sequence calls itself."""
     return _written(program, program.steps, Place(""), {})
 
 
@@ -146,7 +183,7 @@ def _written(program: Program, steps: tuple[AnyStep, ...], above: Place, cells: 
                 for number in range(1, times + 1):
                     passes = (*above.passes, number) if times > 1 else above.passes
                     yield from _written(program, repeated, inner._replace(passes=passes), cells)
-            case Each(pallets, _, repeated):
+            case Each(pallets, repeated):
                 first = visited(program, step)
                 for number in first:
                     pallet = program.pallets[pallets[0]]
@@ -162,18 +199,18 @@ def _written(program: Program, steps: tuple[AnyStep, ...], above: Place, cells: 
 def visited(program: Program, each: Each) -> range:
     """Return the numbers of the cells that `each` visits; raise InputError for cells or pallets that do not fit.
 
-    The pallets must be there.
+    The pallets must exist.
     """
-    counts = {name: len(pallet.cells) for name in each.pallets if (pallet := program.pallets[name])}
+    counts = {name: len(pallet.cells) for name in each.each if (pallet := program.pallets[name])}
     if len(set(counts.values())) > 1:
         words = " and ".join(f"{name} has {count}" for name, count in counts.items())
         raise InputError(f"each: pallets that are visited at once have as many cells: {words}")
     count = min(counts.values(), default=0)
-    return range(count) if each.cells is None else cell_numbers(each.cells, each.pallets[0], count)
+    return range(count) if each.cells is None else cell_numbers(each.cells, each.each[0], count)
 
 
 def load_own_robot(program: Program) -> Robot:
-    """Return the robot that a program names; raise InputError if it names none, or one that is unknown or wrong."""
+    """Return a program's robot; raise InputError if it names none, or an unknown or invalid one."""
     if program.robot is None:
         raise InputError("robot: is missing: name it in the file, or behind it")
     if program.robot.endswith(SUFFIX):
@@ -187,7 +224,7 @@ def load_own_robot(program: Program) -> Robot:
 
 
 def check_own_robot(program: Program, robot: Robot) -> None:
-    """Raise InputError unless a program and its file of positions are for a robot, or say nothing of it."""
+    """Raise InputError if a program or its file of positions is for another robot."""
     given = program.robot
     if given is not None and given != robot.name:
         if not given.endswith(SUFFIX):

@@ -1,8 +1,8 @@
 """Read trajectories from files: CSV, or JSON or YAML in the shape of ROS trajectory_msgs/JointTrajectory.
 
 Positions are in mm and degrees, or in other units that a caller names, times in seconds from 0. Without velocities the
-motion is a C2 spline through the points, from rest to rest, which stands still where points repeat; or one of the other
-interpolations. With velocities it is a cubic from point to point, and the times are whole milliseconds.
+motion is a C2 spline through the points, from rest to rest, with a pause where points repeat; or one of the other
+interpolations. With velocities it consists of cubics, and the times are whole milliseconds.
 
 CSV has a header `t,<joint>,...` with the joints in any order, and for velocities a column `v_<joint>` for each. JSON
 has `joint_names`, and `points` with `positions`, `time_from_start` and optional `velocities`. In place of the joints

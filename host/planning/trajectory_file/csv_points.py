@@ -1,4 +1,4 @@
-"""Read the points of a CSV trajectory line by line, so that memory holds no more than the numbers."""
+"""Read the points of a CSV trajectory line by line, so only the numbers are in memory."""
 
 from array import array
 from dataclasses import dataclass
@@ -54,11 +54,11 @@ def read_csv(file: TextIO) -> Points:
 
 @dataclass(slots=True)
 class _ElbowColumn:
-    """The column of a branch's name beside the tool's coordinates; a file has one branch, which may be given once.
+    """The column of a branch's name besides the tool's coordinates; a file has one branch, which may be given once.
 
     Attributes:
         index: the column's index in the header.
-        value: the branch, as soon as a line has named it.
+        value: the branch, once a line has named it.
     """
 
     index: int
@@ -72,7 +72,7 @@ class _ElbowColumn:
         return None
 
     def read(self, field: str, line: int) -> None:
-        """Take a line's branch; raise InputError if it is another one than before."""
+        """Read a line's branch; raise InputError if it differs from the last one."""
         if field and self.value is not None and field != self.value:
             raise InputError(
                 f"line {line}, elbow: {short(field)} after {short(self.value)}: a file of poses keeps its branch;"
@@ -82,7 +82,7 @@ class _ElbowColumn:
 
 
 def _numbers(line: str, header: list[str], kept: list[int], elbow: _ElbowColumn | None, i: int) -> list[float]:
-    """Return the numbers of a line in the columns that are kept."""
+    """Return the numbers of a line in the kept columns."""
     if elbow is None and (plain := _plain_row(line, len(header), kept)):
         return plain
     fields = fields_of(i, line)
@@ -122,7 +122,7 @@ def _columns(header: list[str]) -> tuple[list[str], bool]:
 
 
 def _plain_row(line: str, columns: int, kept: list[int]) -> list[float] | None:
-    """Return a row of plain numbers, in a quarter of the time; None for a row that `numbers_of` must read or refuse."""
+    """Return a row of plain numbers, in a quarter of the time; None for a row that needs `numbers_of`."""
     fields = line.split(",")
     if len(fields) != columns or "_" in line or not line.isascii() or '"' in line:
         return None

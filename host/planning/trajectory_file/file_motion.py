@@ -1,4 +1,4 @@
-"""The motion through the points of a file, how far it leaves the lines between them, and why it is refused."""
+"""The motion through the points of a file, its deviation from the lines between them, and reasons of its refusal."""
 
 from collections.abc import Callable, Iterator
 from collections.abc import Sequence as Texts
@@ -33,10 +33,10 @@ from steptwin.host.robots.robot import Robot
 
 
 def with_ramps(motion: Trajectory, ramps_s: float) -> Sequence:
-    """Return a motion without changes of outputs between a run-in and a run-out, each where it starts or ends at speed.
+    """Return a motion between a run-in and a run-out, where it starts or ends with a speed, without changes of outputs.
 
-    A ramp lasts `ramps_s`, has constant acceleration and goes straight on in joint space: the run-in begins
-    v ramps_s / 2 before the motion's first position, v being the velocity there. The motion itself stays as it is.
+    A ramp lasts `ramps_s`, has constant acceleration and is straight in joint space: the run-in begins v ramps_s / 2
+    before the motion's first position, v being the velocity there. The motion itself stays as it is.
 
     Raises:
         InputError: `ramps_s` is not a whole number of milliseconds above 0, or the motion starts and ends at rest.
@@ -137,12 +137,12 @@ _SUBJECTS: Final = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FileMotion:
-    """The motion that a robot makes of a file.
+    """A robot's motion from a file.
 
     Attributes:
         robot: the robot.
         points: the file's points.
-        interpolation: motion between the points; None for points with velocities, between which it is a cubic.
+        interpolation: motion between the points; None for points with velocities, joined by cubics.
         ramps_s: duration of run-in and run-out; 0 for none.
         through: motion through the points, in the file's own time.
         trajectory: whole motion, with run-in and run-out, or along the same path in its own time.
@@ -192,17 +192,17 @@ class FileMotion:
         return Polygon(self.points.times_s, self.points.positions, self.points.tool_mm)
 
     def departures(self) -> tuple[Departure, ...]:
-        """Return how far the motion leaves these lines, as `Polygon` does; nothing of points with velocities."""
+        """Return the deviations of the motion from these lines, as `Polygon` does; none for points with velocities."""
         return () if self.interpolation is None else self.polygon.departures(self.robot, self.through)
 
     # --- why it is refused
 
     @contextmanager
     def explained(self, stretch: float = 1.0) -> Iterator[None]:
-        """Add to an InputError with which the planner refuses the motion what the points have to do with it.
+        """Extend the planner's refusal of a motion that is too fast by the points' part in it.
 
-        That is the value that the points alone have, if only the motion between them exceeds a limit; and the ramps
-        that pass. `stretch` is the factor by which the motion was stretched.
+        That is the value of the points alone, if only the motion between them exceeds a limit; and the passing ramps.
+        `stretch` is the factor by which the motion was stretched.
         """
         try:
             yield
@@ -231,7 +231,7 @@ class FileMotion:
         return f"the points themselves stay within {lowest:g}..{highest:g} {joint.unit}{kept}"
 
     def _of_speed(self, peak: Peak, stretch: float) -> str:
-        """Return the speed from point to point, if only the motion between them is too fast."""
+        """Return the speed between points, if only the motion between them is too fast."""
         if self.interpolation is None:
             return ""
         velocities = self.polygon.velocities() / stretch
@@ -247,7 +247,7 @@ class FileMotion:
         return f"only {subject} exceeds it, at constant speed from point to point it is {text} {peak.unit}"
 
     def _of_acceleration(self, peak: Peak, stretch: float) -> str:
-        """Return words for the shortest ramps that pass, if the motion starts or ends too steeply; else none."""
+        """Return a text about the shortest passing ramps, if the motion starts or ends too steeply; else empty."""
         t_s = peak.t_s / stretch
         times_s, ramps_s = self.points.times_s, self.ramps_s
         before_s = ramps_s or float(times_s[1])
@@ -284,13 +284,13 @@ def _through(
 
 
 SMALL_PERCENT: Final = 5.0
-"""Percentage of every limit and of every joint's range below which a motion is questioned."""
+"""Percentage of every limit and of every joint's range below which a motion's units are doubted."""
 _LARGER: Final = {
     "rad": "angles are then 57.3 times as large",
     "m": "lengths are then 1000 times as large",
     "rad,m": "angles are then 57.3 times, lengths 1000 times as large",
 }
-"""The units that may have been meant, and by which factor positions grow."""
+"""Other possible units, with the factor of positions."""
 _MS: Final = 1000.0
 _ACCELERATIONS: Final = (Quantity.ACCELERATION, Quantity.AXIS_ACCELERATION)
 
@@ -328,25 +328,25 @@ def doubt(motion: FileMotion, planned: Plan, read_in: Callable[[str], FileMotion
 
 
 def _travel_percent(planned: Plan) -> float:
-    """Return the largest part of its range that a joint goes through, in percent."""
+    """Return the largest joint travel in percent of the joint's range."""
     travels = np.ptp(planned.robot.to_positions(planned.points_units), axis=0)
     ranges = np.array([joint.upper - joint.lower for joint in planned.robot.joints])
     return float((100.0 * travels / ranges).max())
 
 
 def _peaks_percent(planned: Plan, stretched: float) -> dict[Quantity, float]:
-    """Return the peak of each quantity in percent of its limit, as it would be without the stretching of the plan."""
+    """Return the peak of each quantity in percent of its limit, without the plan's stretching."""
     quantities = dict.fromkeys(peak.quantity for peak in planned.peaks)
     return {each: stretched ** _power(each) * planned.highest(each).percent for each in quantities}
 
 
 def _power(quantity: Quantity) -> int:
-    """Return the power of the pace with which a quantity grows."""
+    """Return the power of the speed with which a quantity grows."""
     return 2 if quantity in _ACCELERATIONS else 1
 
 
 def _fits(motion: FileMotion, read_in: Callable[[str], FileMotion], units: str) -> bool:
-    """Return whether the file is another motion in these units, and one that the robot can make."""
+    """Return whether the file is another motion in these units that the robot can make."""
     try:
         other = read_in(units)
         if np.array_equal(other.points.positions, motion.points.positions):

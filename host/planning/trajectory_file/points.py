@@ -1,6 +1,6 @@
-"""The points of a trajectory file, whatever its format, as the file has them and as a robot's joints.
+"""The points of a trajectory file of any format, as in the file and as a robot's joints.
 
-Between two points with velocities the motion is a cubic, so it is known without its accelerations and tool poses.
+Between two points with velocities the motion is a cubic, which determines accelerations and tool poses.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -31,19 +31,19 @@ _POSE_UNITS: Final[dict[str, str]] = {
     for name, unit in columns.items()
 }
 POSE_COLUMNS: Final = frozenset(_POSE_UNITS)
-"""The headers of a file of poses, whatever the tool's task."""
+"""Headers of a file of poses, for all tasks of tools."""
 
 
 def joints_at(robot: Robot, poses: FloatArray, branch: str | None, places: Sequence[str]) -> Branch:
     """Return the branch with its joints, of shape (points, joints), for poses of shape (points, width).
 
-    Without a name it is the first one that reaches all poses. An arm whose branches meet begins on it and then takes
-    the branch nearest to where it just was. Joints that turn further than a circle go on to the nearest turn, from the
-    turn nearest to the home position; joints that the pose does not determine stay at home. `places` says where each
-    point's time stands in the file.
+    The default branch is the first one that reaches all poses. An arm whose branches meet begins on it and then takes
+    the nearest branch at each pose. Joints that turn further than a circle take the nearest turn, starting from the
+    home position; joints that the pose does not determine stay at home. `places` are the places of the points' times in
+    the file.
 
     Raises:
-        InputError: no branch has the name; or none reaches all poses, with the point and why.
+        InputError: no branch has the name; or none reaches all poses, with the point and the reason.
     """
     kinematics = make_kinematics(robot)
     if branch is not None and branch not in kinematics.branches:
@@ -58,7 +58,7 @@ def joints_at(robot: Robot, poses: FloatArray, branch: str | None, places: Seque
 
 
 def _solved(robot: Robot, kinematics: Kinematics, poses: FloatArray, name: str) -> Branch:
-    """Return a branch whose joints go on without jumps of a whole turn, as far as it is within reach."""
+    """Return a branch with joints without jumps of a whole turn, as long as it is in reach."""
     home = np.array(robot.home)
     first = kinematics.solve(poses[:1], name, home)
     if kinematics.keeps_branch or not first.reachable[0]:
@@ -78,7 +78,7 @@ def _solved(robot: Robot, kinematics: Kinematics, poses: FloatArray, name: str) 
 
 
 def _turns_deg(joint: Joint, turned_deg: FloatArray) -> float:
-    """Return the fewest whole turns by which a joint's angles come within its limits, 0 if none do."""
+    """Return the fewest whole turns that bring a joint's angles within its limits; 0 if none do."""
     fewest = ceil((joint.lower - turned_deg.min()) / _CIRCLE_DEG)
     most = floor((joint.upper - turned_deg.max()) / _CIRCLE_DEG)
     return _CIRCLE_DEG * min(max(0, fewest), most) if fewest <= most else 0.0
@@ -91,7 +91,7 @@ def _first_out_of_reach(branch: Branch) -> int:
 def _broken_off(
     robot: Robot, kinematics: Kinematics, poses: FloatArray, branch: Branch, places: Sequence[str]
 ) -> InputError:
-    """Return the error for the first pose that a branch does not reach, with the branch or the pose that does."""
+    """Return the error for the first pose out of a branch's reach, with the branch or the pose that is in reach."""
     i = _first_out_of_reach(branch)
     place = f"{point_place(places, i)}: {kinematics.task.words(poses[i].tolist())}"
     text = f"{place} is out of reach on the branch {branch.name!r}: {branch.reason(i)}"
@@ -112,7 +112,7 @@ def _broken_off(
 
 
 def point_place(places: Sequence[str], i: int) -> str:
-    """Return where a point stands in the file: `line 5`, if its time stands at `line 5, t`."""
+    """Return a point's place in the file: `line 5`, if its time is at `line 5, t`."""
     return places[i].partition(",")[0]
 
 
@@ -129,10 +129,10 @@ class FileUnits:
 
     @classmethod
     def named(cls, names: str) -> "FileUnits":
-        """Return the units that `deg` or `rad`, `mm` or `m`, or one of each with a comma between them mean.
+        """Return the units for `deg` or `rad`, `mm` or `m`, or one of each with a comma between them.
 
         Raises:
-            InputError: a name is unknown, or two are for the same.
+            InputError: a name is unknown, or two are for the same quantity.
         """
         angle: float | None = None
         length: float | None = None
@@ -159,14 +159,14 @@ ACCELERATION: Final = "a_"
 """Prefix of a joint's name in the header of its accelerations, in mm/s^2 and deg/s^2."""
 
 TOOL: Final = "tool_"
-"""Prefix of a coordinate of the tool in the header of what follows from the joints, in mm and degrees."""
+"""Prefix of a coordinate of the tool in the header of derived columns, in mm and degrees."""
 
 TOOL_AXES: Final = ("tool_nx", "tool_ny", "tool_nz", "tool_ox", "tool_oy", "tool_oz")
 """Direction cosines of the tool's x axis n and y axis o; its z axis is n x o."""
 
 
 def derived_columns(joints: Iterable[str], task: Task) -> tuple[str, ...]:
-    """Return the headers of all of them, in the order that `run` writes them."""
+    """Return the headers of all derived columns, in the order of `run`."""
     of_tool = (*(TOOL + name for name in task.coordinates), *TOOL_AXES) if task.width else ()
     return (*(ACCELERATION + name for name in joints), *of_tool)
 
@@ -186,17 +186,16 @@ LONGEST_S: Final = LONGEST_MS / 1000
 class Points:
     """The contents of a trajectory file, in the order of its columns.
 
-    Attributes:
-        names: one for each column, of a joint or of one of the tool's coordinates.
-        places: where each point's time stands in the file, for messages.
-        times_s: shape (points,).
-        positions: shape (points, columns), in mm and degrees.
-        velocities: likewise, in mm/s and deg/s; None if the file gives none.
-        elbow: branch of the inverse kinematics that the file names; None if it names none.
-        unread: names of the columns, or kinds of a JSON point's values, that follow from the others.
-        rounded_s: time by which points were moved at most so that they come at whole milliseconds.
-        is_goal: True if the motion may begin wherever the machine stands, as ROS has it: a first point after 0 s.
-        begun_at_home: True if it was begun at the robot's home position.
+    names: name of each column: a joint or one of the tool's coordinates.
+    places: place of each point's time in the file, for messages.
+    times_s: shape (points,).
+    positions: shape (points, columns), in mm and degrees.
+    velocities: shape (points, columns), in mm/s and deg/s; None without velocities.
+    elbow: branch of the inverse kinematics in the file; None without one.
+    unread: names of derived columns, or kinds of derived values of a JSON point.
+    rounded_s: largest shift of points to whole milliseconds.
+    is_goal: True if the motion may begin at any position of the machine, as in ROS: the first point is after 0 s.
+    begun_at_home: True if it was begun at the robot's home position.
     """
 
     names: list[str]
@@ -211,7 +210,7 @@ class Points:
     begun_at_home: bool = False
 
     def begun_at(self, start: Mapping[str, float]) -> "Points":
-        """Return the points behind one more at 0 s, where all joints stand at positions given by their names."""
+        """Return the points after a further one at 0 s, with all joints at positions given by name."""
         velocities = self.velocities
         return replace(
             self,
@@ -223,7 +222,7 @@ class Points:
         )
 
     def begun_at_home_of(self, robot: Robot) -> "Points":
-        """Return a goal for a robot's joints as the motion there from its home position; other points as they are."""
+        """Return a goal as the motion from a robot's home position; other points as they are."""
         if not self.is_goal or set(self.names) != set(robot.joint_names):
             return self
         return replace(self.begun_at(dict(zip(robot.joint_names, robot.home, strict=True))), begun_at_home=True)
@@ -254,7 +253,7 @@ class Points:
         return replace(self, positions=self.positions * factors, velocities=velocities)
 
     def joint_points(self, robot: Robot, elbow: str | None = None, *, all_whole_ms: bool = False) -> "JointPoints":
-        """Return the points as joint positions; `elbow` is the branch for a file of poses that does not name it.
+        """Return the points as joint positions; `elbow` is the branch for a file of poses without one.
 
         Raises:
             InputError: the columns are not the robot's joints or the tool's coordinates, the times are not a motion's
@@ -301,7 +300,7 @@ class Points:
         if key:
             self._check_orientations(task, key, poses[:, 3:])
             poses = np.column_stack([poses[:, :3], orientations_of(key, poses[:, 3:])])
-        if follows:  # the kinematics takes NaN for an attitude that follows from the arm
+        if follows:  # the kinematics takes NaN for a dependent attitude
             poses = np.pad(poses, ((0, 0), (0, 1)), constant_values=nan)
             velocities = None if velocities is None else np.pad(velocities, ((0, 0), (0, 1)))
         if None not in (elbow, self.elbow) and elbow != self.elbow:
@@ -314,7 +313,7 @@ class Points:
         )
 
     def _orientation_key(self, task: Task) -> str:
-        """Return the key whose columns the file has, else the task's own; empty for a tool that cannot be told one."""
+        """Return the key of the file's orientation columns, else the task's; empty for a tool without orientation."""
         if task.is_flat:
             return ""
         given = {key: name for key, columns in COLUMNS.items() for name in columns if name in self.names}
@@ -324,14 +323,14 @@ class Points:
         return next(iter(given), task.key)
 
     def _check_orientations(self, task: Task, key: str, values: FloatArray) -> None:
-        """Raise InputError, with its place, for the first orientation that is none or that the tool cannot be told."""
+        """Raise InputError, with its place, for the first invalid or impossible orientation."""
         right = have_right_length(key, values)
         i = int(np.argmin(right))
         with prefixed(f"{point_place(self.places, i)}: "):
             task.oriented(Orientation(key, tuple(values[i].tolist())))
 
     def _ordered(self, what: str, wanted: Texts[str], owner: str) -> tuple[FloatArray, FloatArray | None]:
-        """Return positions and velocities with the wanted columns; raise InputError unless the file has just these."""
+        """Return positions and velocities with the wanted columns; raise InputError if the file has other ones."""
         names = self.names
         for name in names:
             if name not in wanted:
@@ -351,14 +350,14 @@ class JointPoints:
 
     Attributes:
         times_s: shape (points,), as `check_times` requires them.
-        places: where each point's time stands in the file, for messages.
+        places: place of each point's time in the file, for messages.
         positions: shape (points, joints), in mm and degrees.
-        velocities: likewise, in mm/s and deg/s; None if the file gives none.
+        velocities: shape (points, joints), in mm/s and deg/s; None without velocities.
         tool_mm: x, y and z, of shape (points, 3), if the file has poses; None if it has joints.
-        reached: branch of the inverse kinematics on which the poses are reached, with its changes on the way.
-        unread: names of the file's columns, or kinds of values, that follow from the others.
-        rounded_s: time by which points were moved at most so that they come at whole milliseconds.
-        begun_at_home: True if the first point is the robot's home position, and not of the file.
+        reached: branch of the inverse kinematics for the poses, with its changes.
+        unread: names of derived columns, or kinds of derived values.
+        rounded_s: largest shift of points to whole milliseconds.
+        begun_at_home: True if the first point is the robot's home position instead of the file's.
     """
 
     times_s: FloatArray
@@ -373,19 +372,19 @@ class JointPoints:
 
     @property
     def branch(self) -> str | None:
-        """The name of the branch at the first point; None for a file of joints."""
+        """Name of the branch at the first point; None for a file of joints."""
         return None if self.reached is None else self.reached.name
 
     @property
     def branch_words(self) -> str:
-        """The branch, and where in the file it changes; an empty text for a file of joints."""
+        """The branch and its changes, with places in the file, as text; empty for a file of joints."""
         if self.reached is None:
             return ""
         changes = (f", from {point_place(self.places, i)} on {name!r}" for i, name in self.reached.changes)
         return f"on the branch {self.reached.name!r}{''.join(changes)}"
 
     def check_within(self, robot: Robot) -> None:
-        """Raise InputError for the first point outside a joint's limits, with its place, value and the nearest one."""
+        """Raise InputError for the first point outside a joint's limits, with place, value and nearest valid value."""
         lower, upper = (np.array([getattr(joint, end) for joint in robot.joints]) for end in ("lower", "upper"))
         beyond = (self.positions < lower - LIMIT_TOLERANCE) | (self.positions > upper + LIMIT_TOLERANCE)
         if not beyond.any():

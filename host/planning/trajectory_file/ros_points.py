@@ -1,10 +1,9 @@
 """Read the points of a trajectory in a message of ROS, as JSON or YAML.
 
 The motion is a trajectory_msgs/JointTrajectory. MoveIt and the tools of ROS put it into other messages, which are
-looked through by their keys. A YAML text is one document, its scalars as JSON would have them: every scalar that is
-written as a number is one, and any other is a text, where YAML 1.1 would take 1e-05, which Python writes, for a text
-and `on` for a truth. Aliases are refused before anything is built, since a few of them, one within the other, stand for
-millions of values.
+searched by their keys. A YAML text is one document with scalars as in JSON: every number is a number, and any other
+scalar is a text. (YAML 1.1 would read 1e-05, which Python writes, as a text and `on` as true.) Aliases are refused
+before anything is built, since a few nested ones stand for millions of values.
 """
 
 import re
@@ -23,10 +22,10 @@ from steptwin.host.planning.trajectory_file.points import Points
 from steptwin.host.robots.robot import AXES_MAX
 
 YAML: Final = "YAML mapping"
-"""What messages call a table of such a text."""
+"""Name of such a text's table in messages."""
 _NUMBER: Final = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
 _DEEP_MAX: Final = 16
-"""Lists and mappings within one another: a value of a planned trajectory lies ten deep."""
+"""Deepest nesting of lists and mappings; a value of a planned trajectory is ten deep."""
 _AROUND: Final[dict[str, tuple[str, ...]]] = {
     "goal": ("header", "goal_id", "goal"),
     "trajectory": (
@@ -36,7 +35,7 @@ _AROUND: Final[dict[str, tuple[str, ...]]] = {
     ),
     "joint_trajectory": ("joint_trajectory", "multi_dof_joint_trajectory"),
 }
-"""The messages around a trajectory from the outermost one: the key of what they hold, and all keys that they may have.
+"""Messages around a trajectory from the outermost one: the key of their content, and all keys that they may have.
 
 goal              the goal of an action of ROS 1, as `rostopic echo` writes it
 trajectory        moveit_msgs/DisplayTrajectory, MotionPlanResponse and ExecuteTrajectoryGoal; of control_msgs
@@ -48,9 +47,9 @@ _OTHER_MOTIONS: Final = ("multi_dof_joint_trajectory", "multi_dof_trajectory")
 _DOCUMENT_KEYS: Final = ("header", "joint_names", "points")
 _POINT_KEYS: Final = ("positions", "velocities", "accelerations", "effort", "time_from_start")
 _ACCELERATIONS: Final = "accelerations"
-"""Values of a point that follow from the others: positions and velocities alone make the motion."""
+"""Derived values of a point: positions and velocities alone determine the motion."""
 _EFFORT: Final = "effort"
-"""Values of a point that StepTwin cannot obey; they may be empty."""
+"""Values of a point that StepTwin cannot use; they may be empty."""
 _TIME: Final = "time_from_start"
 _TIME_PARTS: Final = (("sec", "nanosec"), ("secs", "nsecs"))
 """The two keys of a time in ROS 2 and in ROS 1."""
@@ -58,18 +57,18 @@ _TIME_PARTS: Final = (("sec", "nanosec"), ("secs", "nsecs"))
 
 _JSON: Final = "JSON object"
 _CUT: Final = "..."
-"""The last of a list of which `ros2 topic echo` shows only the first 128 values."""
+"""Last element of a list that `ros2 topic echo` has cut after 128 values."""
 
 
 def yaml_table(text: str) -> Table:
-    """Return the mapping of a YAML text, whose other documents are empty, as behind the last line of `rostopic echo`.
+    """Return the mapping of a YAML text; further documents must be empty, as after the last line of `rostopic echo`.
 
     Raises:
         InputError: the text is not YAML, is nested too deeply, has an alias, or has no or several documents.
     """
     import yaml
 
-    loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)  # libyaml reads ten times as fast, where PyYAML has it
+    loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)  # libyaml, if available, reads ten times as fast
     try:
         starts = list(_checked_starts(text, loader))
         documents = list(yaml.load_all(text, Loader=loader))
@@ -109,14 +108,14 @@ def _checked_starts(text: str, loader: type) -> Iterator[int]:
 
 
 def _in_a_line(error: Exception) -> str:
-    """Return what a parser says, with the line, in one line."""
+    """Return a parser's error with its line number, in one line."""
     mark, problem = getattr(error, "problem_mark", None), getattr(error, "problem", None)
     place = f"line {mark.line + 1}: " if mark else ""
     return place + " ".join(str(problem or error).split())
 
 
 def _with_numbers(value: object) -> object:
-    """Return a document of texts with a number wherever one is written."""
+    """Convert a document of texts to numbers where possible."""
     match value:
         case dict():
             return {key: _with_numbers(each) for key, each in value.items()}
@@ -133,19 +132,19 @@ def read_json(text: str) -> Points:
 
 
 def read_yaml(text: str) -> Points:
-    """Return the points of a YAML file; InputErrors begin as `read_json`'s."""
+    """Return the points of a YAML file; InputErrors begin as in `read_json`."""
     return _points(yaml_table(text), YAML)
 
 
 def read_message(message: object) -> Points:
-    """Return the points of a message that has been decoded from JSON; InputErrors begin as `read_json`'s."""
+    """Return the points of a message decoded from JSON; InputErrors begin as in `read_json`."""
     return _points(Table(message, _JSON), _JSON)
 
 
 def _points(message: Table, kind: str) -> Points:
-    """Return the points of a message, whose tables are of a kind.
+    """Return the points of a message with tables of a kind.
 
-    Times to the nanosecond, as ROS has them, are rounded where a motion needs it.
+    ROS times in nanoseconds are rounded where a motion needs it.
     """
     document = _joint_trajectory(message, kind)
     document.check_keys(_DOCUMENT_KEYS)
@@ -175,7 +174,7 @@ def _points(message: Table, kind: str) -> Points:
 
 
 def _joint_trajectory(message: Table, kind: str) -> Table:
-    """Return the joints' trajectory in a message; any other document as it is."""
+    """Return the joints' trajectory in a message; another document as it is."""
     for key, keys in _AROUND.items():
         if key not in message:
             continue
@@ -195,13 +194,13 @@ def _joint_trajectory(message: Table, kind: str) -> Table:
 
 
 def _whole_ms(times_s: FloatArray, *, every: bool) -> FloatArray:
-    """Return times that are all, or at the end, a whole millisecond, as motions need it; ROS has nanoseconds."""
+    """Return times with all, or only the last one, rounded to whole milliseconds; ROS has nanoseconds."""
     whole_s = np.rint(1000.0 * times_s) / 1000.0
     return np.asarray(whole_s if every else np.concatenate((times_s[:-1], whole_s[-1:])))
 
 
 def _rows(points: list[Table], key: str, names: list[str]) -> FloatArray:
-    """Return an array of shape (points, names), for no points too."""
+    """Return an array of shape (points, names), even without points."""
     rows = [_json_numbers(point, key, names, i) for i, point in enumerate(points, start=1)]
     return np.array(rows).reshape(len(points), len(names))
 
@@ -233,7 +232,7 @@ def _json_numbers(point: Table, key: str, names: list[str], i: int) -> list[floa
 
 
 def _seconds(point: Table, i: int) -> float:
-    """Return a point's time, written as a number of seconds or as ROS writes a duration."""
+    """Return a point's time, from a number of seconds or a duration of ROS."""
     key = _TIME
     time = point.values.get(key)
     with prefixed(f"point {i}, "):

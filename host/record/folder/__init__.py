@@ -1,7 +1,7 @@
 """Write the folder of a run, read it, and verify the run again from its files alone.
 
-`layout` names the files, `writing` writes all and draws, `reading` makes plan and evidence of them, `verdict` judges,
-`digests` tell whose files they are.
+`layout` names the files, `writing` writes and draws them, `reading` makes plan and evidence from them, `verdict` judges
+them, `digests` detects files of another run.
 """
 
 from steptwin.host.record.folder.digests import digests

@@ -1,4 +1,4 @@
-"""Tell a mixture of two runs: report.json has a digest of each file beside it."""
+"""Detect mixed files of two runs: report.json has a digest of each other file."""
 
 from collections.abc import Mapping
 from hashlib import file_digest
@@ -15,7 +15,7 @@ def digests(folder: Path) -> dict[str, Any]:
 
 
 def of_other_runs(folder: Path, document: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the files with which a report was not written; none if the report has no digests."""
+    """Return the files that differ from a report's digests; empty if the report has none."""
     told = document.get(FILES)
     if not isinstance(told, Mapping):
         return ()
@@ -23,7 +23,7 @@ def of_other_runs(folder: Path, document: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _digested(folder: Path) -> list[str]:
-    """Return the files of a folder on which its verdict depends."""
+    """Return the files of a folder that determine its verdict."""
     names = (ROBOT, TRAJECTORY, EDGES, *feature_files(), BUS_LOG)
     return [name for name in names if (folder / name).is_file()]
 

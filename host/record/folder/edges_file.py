@@ -43,7 +43,7 @@ Array = NDArray[Any]
 
 
 def evidence_until(evidence: Evidence, until_counts: int) -> Evidence:
-    """Return the evidence before an instant; a pulse that has begun before it is whole."""
+    """Return the evidence before an instant; a pulse that began before it is kept whole."""
     return replace(
         evidence,
         axes=tuple(_axis_until(axis, until_counts) for axis in evidence.axes),
@@ -78,7 +78,7 @@ def _axis_until(axis: AxisEvidence, until_counts: int) -> AxisEvidence:
 
 
 _AnySeries = LevelEdges | Phases | DriverViolations | Slips | RateRamps
-"""Evidence in arrays of equal length, one of which holds the instants."""
+"""Evidence in arrays of equal length, with one array of instants."""
 _Series = TypeVar("_Series", LevelEdges, Phases, DriverViolations, Slips, RateRamps)
 
 
@@ -98,24 +98,24 @@ EDGE_TYPES: Final = (
     | {"phase_counts": "<i8", "phase_a_ma": "<i2", "phase_b_ma": "<i2"}
     | {f"{pin}_{column}": code for pin in PINS for column, code in (("counts", "<i8"), ("levels", "|i1"))}
 )
-"""Numpy's code for the values of each array of `edge_arrays`, by its key without the axis' name, but for the angles."""
+"""Numpy's type codes of the arrays of `edge_arrays`, by key without the axis' name; field angles are separate."""
 
 ANGLE_TYPES: Final = {"phase_sixteenths": "|i1", "phase_substeps": "<i4"}
-"""The same for the field's angles, of which an axis has the one or the other."""
+"""Type codes of the field's angles; an axis has one of the two."""
 SLIP_TYPES: Final = {"slip_counts": "<i8", "slip_full_steps": "<i4"}
-"""The same for the arrays that only axes have whose motors slipped."""
+"""Type codes of arrays that only axes with slipped motors have."""
 RATE_TYPES: Final = {"rate_counts": "<i8", "rate_from_q16": "<i8", "rate_to_q16": "<i8", "rate_lasts_counts": "<i8"}
-"""The same for the arrays that only axes have whose motion was paused, or made slower or faster on the way."""
+"""Type codes of arrays that only axes with pauses or changes of speed have."""
 RARE_TYPES: Final = SLIP_TYPES | RATE_TYPES
 ARRAY_TYPES: Final = EDGE_TYPES | ANGLE_TYPES | RARE_TYPES
 RAMP_COUNTS_MAX: Final = 60 * COUNTS_PER_SECOND
-"""Longest ramp of the rate: a board's take up to 25 s."""
+"""Longest ramp of the rate; a board's last up to 25 s."""
 PER_FULL_STEP_MAX: Final = 32_000
 """The least common multiple of all microsteps."""
 
 
 def angle_column(per_full_step: int) -> str:
-    """Return the array of the field's angles of an axis, by the substeps in a full step: old files have sixteenths."""
+    """Return the name of the array of field angles by the substeps in a full step; old files have sixteenths."""
     return "phase_sixteenths" if per_full_step == SIXTEENTHS else "phase_substeps"
 
 
@@ -125,7 +125,7 @@ _INT64: Final = (-(1 << 63), (1 << 63) - 1)
 
 
 class AxisTotals(NamedTuple):
-    """Facts of an axis whose size does not depend on its edges."""
+    """Facts of an axis with a size that does not depend on its edges."""
 
     name: str
     start_steps: int
@@ -167,7 +167,7 @@ def header_arrays(start_counts: int, axes: Sequence[AxisTotals]) -> dict[str, Ar
 
 
 def edge_arrays(axis: AxisEvidence) -> dict[str, Array]:
-    """Return the arrays, by key, whose length depends on an axis' edges."""
+    """Return the arrays, by key, that grow with an axis' edges."""
     name = axis.name
     arrays: dict[str, Array] = {
         f"{name}_clk_rise_counts": axis.clk_rise_counts,
@@ -192,7 +192,7 @@ def edge_arrays(axis: AxisEvidence) -> dict[str, Array]:
 
 
 def _limit_arrays(name: str, limits: tuple[DriverLimit, ...]) -> dict[str, Array]:
-    """Return an array for each column of the table of limits; a violation holds the row of its limit."""
+    """Return an array for each column of the table of limits; a violation refers to a row of it."""
     return {
         f"{name}_limit_rules": np.array([limit.rule for limit in limits], np.str_),
         f"{name}_limit_broken": np.array([limit.broken for limit in limits], np.str_),
@@ -215,7 +215,7 @@ def read_edges(folder: Path) -> Evidence:
 
 
 def evidence_of(arrays: Arrays) -> Evidence:
-    """Return the evidence in arrays with the keys of edges.npz; raises as `read_edges` does, without the path."""
+    """Return the evidence from arrays with the keys of edges.npz; raises as `read_edges`, without the path."""
     check_version(arrays.integer(VERSION_KEY, _INT64))
     counts_per_second = arrays.integer("counts_per_second", _INT64)
     if counts_per_second != COUNTS_PER_SECOND:

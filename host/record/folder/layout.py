@@ -8,16 +8,16 @@ from steptwin.host.common.features import giving
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 FOLDER_VERSION: Final = 1
-"""Version in report.json and edges.npz; it grows when a reader of this version could misread a folder."""
+"""Version in report.json and edges.npz; it increases when this reader could misread newer folders."""
 
 VERSION_KEY: Final = "folder_version"
 
 LIVE_JOB: Final = "live"
-"""Words of a live board's report in the place of a job's name."""
+"""Name of a live board's job in its report."""
 TEST_JOB: Final = "test"
-"""The same of a board in virtual time that a program has driven, such as a test."""
+"""Job of a board in virtual time that a program has driven, such as a test."""
 REPLAY_JOB: Final = "replay"
-"""The same of a recorded bus that was replayed."""
+"""Job of a recorded bus that was replayed."""
 
 REPORT: Final = "report.json"
 ROBOT: Final = "robot.toml"
@@ -25,9 +25,9 @@ TRAJECTORY: Final = "trajectory.csv"
 EDGES: Final = "edges.npz"
 BUS_LOG: Final = "bus.log"
 FILES: Final = "files"
-"""Key of report.json: the digests of the files beside it."""
+"""Key of report.json for the digests of the other files."""
 RECORDING: Final = "recording.part"
-"""Folder in the folder: a live board's recording that has no end yet, or has lost it."""
+"""Subfolder for a live board's recording without an end."""
 
 
 def feature_file(name: str) -> str:
@@ -36,16 +36,16 @@ def feature_file(name: str) -> str:
 
 
 def feature_files() -> tuple[str, ...]:
-    """Return the names of the files that the features may leave."""
+    """Return the names of the files that features may write."""
     return tuple(feature_file(feature.name) for feature, _ in giving("judge"))
 
 
 class MachineStop(NamedTuple):
-    """What has stopped a live board's machine.
+    """A stop of a live board's machine.
 
     Attributes:
         counts: the instant.
-        by: what it was, in words.
+        by: cause of the stop, as text.
         in_motion: True if the machine moved.
     """
 
@@ -54,17 +54,17 @@ class MachineStop(NamedTuple):
     in_motion: bool
 
     def __str__(self) -> str:
-        """Say what it was, and when."""
+        """Return cause and time."""
         way = "on its way" if self.in_motion else "at rest"
         return f"stopped {way} by {self.by}, {self.counts / COUNTS_PER_SECOND:.3f} s after power-up"
 
 
 class StoppedError(InputError):
-    """Raised if a live board's machine was stopped before it had come to the end of its plan."""
+    """A live board's machine was stopped before the end of its plan."""
 
 
 class ContradictionError(InputError):
-    """Raised if the files of a folder contradict themselves or each other; no run leaves such files."""
+    """The files of a folder contradict themselves or each other; no run leaves such files."""
 
 
 def existing_file(folder: Path, name: str) -> Path:
@@ -78,6 +78,6 @@ def existing_file(folder: Path, name: str) -> Path:
 
 
 def check_version(version: object) -> None:
-    """Raise InputError unless this version of the program reads the folder's version."""
+    """Raise InputError if this version of the program cannot read the folder's version."""
     if version != FOLDER_VERSION:
         raise InputError(f"{VERSION_KEY}: is {version!r}; this steptwin reads {FOLDER_VERSION}")

@@ -1,7 +1,7 @@
 """Write and read trajectory.csv: the planned motion as points with velocities, cubic between two points.
 
-`steptwin run ROBOT trajectory.csv` makes the same motion again. The columns after the velocities follow from them: the
-joints' accelerations and the tool's pose, for people and their plots.
+`steptwin run ROBOT trajectory.csv` makes the same motion again. The columns after the velocities are derived, for
+people and their plots: the joints' accelerations and the tool's pose.
 """
 
 from collections.abc import Iterator, Sequence
@@ -31,11 +31,11 @@ _DECIMALS: Final = 6
 """Decimals of accelerations and tool positions: nanometres."""
 _COSINE_DECIMALS: Final = 9
 _ROWS: Final = 16_384
-"""Number of points whose derived columns are computed at once; it bounds the memory for any number of points."""
+"""Number of points with derived columns computed at once; bounds the memory."""
 
 
 def write_motion(path: Path, plan: Plan) -> None:
-    """Write the plan's PVT points, or every millisecond if cubics between the points are too far from the motion.
+    """Write the plan's PVT points, or every millisecond if cubics between points deviate too much.
 
     Times, positions and velocities are written with all their digits, so that reading gives the same values.
     """
@@ -53,7 +53,7 @@ def write_motion(path: Path, plan: Plan) -> None:
 
 
 def trajectory_head(robot: Robot, derived: Sequence[str] = ()) -> str:
-    """Return the file's first line; `derived` are the columns that follow from the others."""
+    """Return the file's first line; `derived` are the derived columns."""
     names = robot.joint_names
     return ",".join(("t", *names, *(VELOCITY + name for name in names), *derived)) + "\n"
 
@@ -61,7 +61,7 @@ def trajectory_head(robot: Robot, derived: Sequence[str] = ()) -> str:
 def trajectory_row(t_s: float, positions: Sequence[float], velocities: Sequence[float], derived: str = "") -> str:
     """Return the line of a point: time in s, positions in mm and deg, velocities in mm/s and deg/s.
 
-    `derived` is the text of the columns that follow from these, with a comma before each.
+    `derived` is the text of the derived columns, with a comma before each.
     """
     return ",".join(map(repr, (t_s, *positions, *velocities))) + derived + "\n"
 
@@ -81,7 +81,7 @@ def read_motion(folder: Path, robot: Robot, output_changes: Sequence[OutputChang
 def _derived_texts(robot: Robot, t_s: FloatArray, positions: FloatArray, velocities: FloatArray) -> Iterator[str]:
     """Yield the text of the derived columns for each of n points, with a comma before each column.
 
-    Accelerations are those of the cubics just after each point, at the end just before it.
+    Accelerations are those of the cubics just after each point; for the last point just before it.
     """
     kinematics = make_kinematics(robot)
     third, second = _cubics(t_s, positions, velocities)[:2]
@@ -100,7 +100,7 @@ def _derived_texts(robot: Robot, t_s: FloatArray, positions: FloatArray, velocit
         figures = np.column_stack(values)
         figures[:, :rounded] = np.round(figures[:, :rounded], _DECIMALS)
         figures[:, rounded:] = np.round(figures[:, rounded:], _COSINE_DECIMALS)
-        yield from (template % tuple(row) for row in (figures + 0.0).tolist())  # what rounds to 0 has no sign
+        yield from (template % tuple(row) for row in (figures + 0.0).tolist())  # a rounded 0 has no sign
 
 
 def _stored_ms(plan: Plan) -> Int64Array:

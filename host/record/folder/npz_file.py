@@ -1,4 +1,4 @@
-"""Read the arrays of an .npz file that may hold anything: what it declares is checked before memory is taken.
+"""Read the arrays of an untrusted .npz file: declared sizes are checked before memory is allocated.
 
 An .npz file is a ZIP archive (PKWARE APPNOTE.TXT 6.3) of .npy files, one for each array; format 1.0 of .npy is
 described in `numpy.lib.format`. Of both formats only the part is read that numpy writes for numbers and texts.
@@ -46,7 +46,7 @@ class ArrayStore(Protocol):
     def __contains__(self, key: str) -> bool: ...
 
     def array(self, key: str) -> NDArray[Any]:
-        """Return an array of numbers or texts; raise InputError if it cannot be read."""
+        """Return an array of numbers or texts; raise InputError if it is unreadable."""
         ...
 
 
@@ -156,23 +156,23 @@ _DAMAGED: Final = (
 """Exceptions of zipfile for a file that is no archive, is damaged or uses what zipfile cannot read."""
 
 _NO_ARCHIVE: Final = "File is not a zip file"
-"""The message of zipfile for a file without a directory."""
+"""Message of zipfile for a file without a directory."""
 
 _FLAGS_READ: Final = 1 << 1 | 1 << 2 | 1 << 3 | 1 << 11
-"""Flags of a member that change nothing: how hard it was compressed, sizes behind the data, its name in UTF-8."""
+"""Allowed flags of a member: compression level, sizes after the data, name in UTF-8."""
 _METHODS: Final = (ZIP_STORED, ZIP_DEFLATED)
 _VERSION_MAX: Final = 45
-"""Version of ZIP that is needed for files above 4 GiB, the latest feature in use."""
+"""Highest required version of ZIP: that of files above 4 GiB."""
 
 _DIRECTORY_BYTES_MAX: Final = MIB
-"""Size of an archive's directory: 8 axes with 40 arrays each take 35 KiB."""
+"""Largest directory of an archive: 8 axes with 40 arrays each take 35 KiB."""
 _CHUNK_BYTES: Final = MIB
 
 _HEAD: Final = struct.Struct("<6sBBH")
 """Begin of an .npy file: mark, version, length of the description."""
 _MARK: Final = b"\x93NUMPY"
 _DESCRIPTION_CHARS_MAX: Final = 1024
-"""Length of the description; numpy writes 118 characters for a list, as far as its length has up to 20 digits."""
+"""Longest description; numpy writes 118 characters for a one-dimensional array with a length of 20 digits."""
 _DESCRIPTION: Final = re.compile(
     r"\{'descr': '(?P<type>[<>|](?:[iu][1248]|f[248]|b1)|[<>]U[1-9]\d{0,3})', 'fortran_order': (?:False|True),"
     r" 'shape': \((?P<shape>(?:\d{1,18}, ?)*(?:\d{1,18})?)\), ?\} *\n?",
@@ -240,7 +240,7 @@ class NpzFile:
 
 
 class _BoundedFile(io.FileIO):
-    """A file whose reads are at most as long as a directory may be: zipfile reads directories whole."""
+    """A file with bounded reads: zipfile reads directories whole."""
 
     def read(self, size: int | None = -1, /) -> bytes:
         if size is not None and size > _DIRECTORY_BYTES_MAX:
@@ -249,7 +249,7 @@ class _BoundedFile(io.FileIO):
 
 
 def _check_member(member: ZipInfo) -> None:
-    """Raise InputError for a member that needs more than the common features of ZIP files."""
+    """Raise InputError for a member that needs uncommon features of ZIP files."""
     if member.flag_bits & ~_FLAGS_READ:
         how = "is encrypted" if member.flag_bits & 1 else f"has the flags 0x{member.flag_bits:04X} of a ZIP file"
         raise InputError(f"cannot be read: {how}")
@@ -260,7 +260,7 @@ def _check_member(member: ZipInfo) -> None:
 
 
 def _array(content: IO[bytes], file_bytes: int) -> NDArray[Any]:
-    """Return the array of an .npy file whose length the archive declares."""
+    """Return the array of an .npy file with the length declared by the archive."""
     kind, shape, head_bytes = _header(content)
     count = prod(shape)
     if head_bytes + count * kind.itemsize != file_bytes:
@@ -273,7 +273,7 @@ def _array(content: IO[bytes], file_bytes: int) -> NDArray[Any]:
             raise EOFError(f"ends after {filled} of {octets.size} bytes")
         octets[filled : filled + len(chunk)] = np.frombuffer(chunk, np.uint8)
         filled += len(chunk)
-    if content.read(1):  # the checksum is compared at the end
+    if content.read(1):  # reading to the end compares the checksum
         raise EOFError("is longer than declared")
     if kind.kind == "U":
         _check_text(values)
@@ -281,7 +281,7 @@ def _array(content: IO[bytes], file_bytes: int) -> NDArray[Any]:
 
 
 def _check_text(values: NDArray[Any]) -> None:
-    """Raise InputError if texts hold numbers that are no characters: numpy would make invalid strings of them."""
+    """Raise InputError for texts with invalid character codes: numpy would make invalid strings from them."""
     codes = values.view(np.dtype(np.uint32).newbyteorder(values.dtype.byteorder))
     if ((codes > _CODE_MAX) | (codes >> 11 == _SURROGATES)).any():
         raise InputError("contains numbers that are no characters")

@@ -1,4 +1,4 @@
-"""Read a run from its folder: everything that the verifier and the pictures need, from the files alone."""
+"""Read a run from its folder: plan and evidence for the verifier and the pictures."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -29,7 +29,7 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 _BEFORE_COUNTS: Final = COUNTS_PER_SECOND // 1000
 """Time from t = 0 to the first step: one millisecond."""
 _RATE_OVER_S: Final = 0.02
-"""Time over which a speed is taken."""
+"""Averaging time of speeds."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,12 +51,12 @@ class CountedMotion:
 
     @property
     def breakpoints_s(self) -> tuple[float, ...]:
-        """None are known."""
+        """Empty: no breakpoints are known."""
         return ()
 
     @property
     def output_changes(self) -> tuple[OutputChange, ...]:
-        """None were planned."""
+        """Empty: no changes were planned."""
         return ()
 
     def positions(self, t_s: FloatArray) -> FloatArray:
@@ -71,9 +71,9 @@ class CountedMotion:
 
 
 def counts_alone(robot: Robot, evidence: Evidence) -> Comparison:
-    """Return the counts of a recording from its first step on, beside no plan: neither ideal steps nor pairs.
+    """Return the counts of a recording from its first step on, without a plan, ideal steps or pairs.
 
-    Time is the clock's: without a plan there is no other.
+    Time is the clock's, since there is no plan.
 
     Raises:
         InputError: no driver has counted a step.
@@ -92,15 +92,15 @@ def counts_alone(robot: Robot, evidence: Evidence) -> Comparison:
 
 
 _ReadMotion = Callable[[float], Trajectory]
-"""Reads the plan up to an instant of the motion, in seconds."""
+"""Reads the plan up to an instant of the motion in seconds."""
 
 
 @dataclass(frozen=True, slots=True)
 class StoredRun:
     """A run read from its folder: robot, report, and a new comparison of plan and evidence.
 
-    The comparison of a recording that has no end goes as far as the recording does. `no_plan` is the reason why there
-    are only the drivers' counts in it; None if there is a plan.
+    The comparison of a recording without an end stops where the recording does. `no_plan` is the reason why it has only
+    the drivers' counts; None if there is a plan.
     """
 
     robot: Robot
@@ -110,12 +110,12 @@ class StoredRun:
 
     @property
     def duration_s(self) -> float:
-        """Duration of the planned motion, as far as it is compared."""
+        """Duration of the planned motion, up to the end of the comparison."""
         return self.comparison.expected.trajectory.duration_s
 
     @property
     def interruption(self) -> str | None:
-        """The words for a recording without an end, and where it stops; None if it has one."""
+        """Text about a recording without an end, with its last instant; None if it has an end."""
         recording = self.report.recording
         if recording is None:
             return None
@@ -126,29 +126,29 @@ class StoredRun:
 
 
 def read_robot(folder: Path) -> Robot:
-    """Return a folder's robot; raise InputError if its file is missing or wrong."""
+    """Return a folder's robot; raise InputError if its file is missing or invalid."""
     return load_robot_file(existing_file(folder, ROBOT))
 
 
 def check_axes(path: Path, evidence: Evidence, robot: Robot) -> None:
-    """Raise InputError, naming the evidence's file, unless its axes are the robot's joints."""
+    """Raise InputError, naming the evidence's file, if its axes are not the robot's joints."""
     names = tuple(axis.name for axis in evidence.axes)
     if names != robot.axis_names:
         raise InputError(f"{path}: axes: {' '.join(names)}, but {ROBOT} has {' '.join(robot.axis_names)}")
 
 
 def stored_motion(folder: Path, robot: Robot) -> Trajectory:
-    """Return the motion of a folder without its outputs; raises InputError if its file is missing or wrong."""
+    """Return the motion of a folder without its outputs; raise InputError if its file is missing or invalid."""
     return read_motion(folder, robot, ())
 
 
 def read_recording(folder: Path) -> UnfinishedRecording | None:
-    """Return the recording without an end that a folder holds; None if it holds none. Raises as its reader does."""
+    """Return a folder's recording without an end; None if there is none. Raises as its reader does."""
     return read_unfinished(folder) if unfinished(folder) else None
 
 
 def read_evidence(folder: Path) -> Evidence:
-    """Return a folder's evidence without the outputs' names, as far as it was recorded; raises as `read_run` does."""
+    """Return a folder's recorded evidence without the outputs' names; raises as `read_run`."""
     recording = read_recording(folder)
     return read_edges(folder) if recording is None else recording.evidence()
 
@@ -157,14 +157,14 @@ def read_run(folder: Path, plan_folder: Path | None = None, *, counts_suffice: b
     """Read a folder and compare its evidence with its own plan, or with that of `plan_folder`.
 
     Args:
-        folder: the folder of a run, or of a live board's recording, also one that has no end.
-        plan_folder: for a live board's folder, the folder of the run whose plan the board has executed; by default the
-            folder's own plan, made of the PVT records that it has received.
-        counts_suffice: for a live board's folder without a plan, read the drivers' counts alone.
+        folder: folder of a run, or of a live board's recording, even without an end.
+        plan_folder: for a live board's folder, folder of the run with the executed plan; by default the folder's own
+            plan, made from the received PVT records.
+        counts_suffice: True to read a live board's folder without a plan, by the drivers' counts alone.
 
     Raises:
-        InputError: a file is missing or cannot be read (the message names file and key), or `plan_folder` must not
-            replace the folder's own plan.
+        InputError: a file is missing or unreadable (the message names file and key), or `plan_folder` must not replace
+            the folder's own plan.
         ContradictionError: the files contradict themselves or each other.
     """
     report, robot = read_report(folder), read_robot(folder)
@@ -195,7 +195,7 @@ def read_run(folder: Path, plan_folder: Path | None = None, *, counts_suffice: b
 def _as_far(
     read: _ReadMotion, motion: Trajectory, evidence: Evidence, recording: UnfinishedRecording
 ) -> tuple[Trajectory, Evidence]:
-    """Cut plan and evidence at the last point that was recorded, unless the whole motion was."""
+    """Cut plan and evidence at the last recorded point, if the motion was not recorded whole."""
     until_s = evidence.trajectory_s(recording.mark.until_counts)
     if motion.duration_s <= until_s:
         return motion, evidence
@@ -208,7 +208,7 @@ def _as_far(
 
 
 def _no_plan(folder: Path, report: StoredReport) -> str | None:
-    """Return why a live board's folder has no plan; None if it has one, as any other folder should."""
+    """Return why a live board's folder has no plan; None if it has one. Any other folder must have one."""
     recording = report.recording
     planned = (folder / TRAJECTORY).exists() if recording is None else recording.mark.no_plan is None
     if report.passed is not None or planned:

@@ -1,7 +1,7 @@
-"""Record a live board piece by piece, so that whatever ends the board leaves a recording that can be read.
+"""Record a live board piece by piece: the recording is readable however the board ends.
 
-Memory does not grow with the recording: it is on disk, in the files of `unfinished`, and edges.npz is made of
-these at the end.
+Memory does not grow with the recording: it is on disk, in the files of `unfinished`, and edges.npz is made from them
+at the end.
 """
 
 import shutil
@@ -50,7 +50,7 @@ _OR_REPLACE = ", or replace=True"
 
 
 def keep_recording(out: Path | str, or_else: str = "") -> None:
-    """Raise InputError if a folder holds the recording of a live board, with its end or without, or others' files."""
+    """Raise InputError if a folder has the recording of a live board, with or without an end, or others' files."""
     folder = Path(out)
     others = [name for name in (ROBOT, TRAJECTORY) if (folder / name).exists()]
     if others and not any((folder / name).exists() for name in (REPORT, EDGES, RECORDING)):
@@ -62,21 +62,21 @@ def keep_recording(out: Path | str, or_else: str = "") -> None:
 
 
 def keep_any_run(out: Path | str) -> None:
-    """Raise InputError if a folder holds the recording of a live board, or any other run."""
+    """Raise InputError if a folder has the recording of a live board, or any other run."""
     keep_recording(out, _OR_REPLACE)
     if (Path(out) / EDGES).exists():
         raise _kept(out, "a run", _OR_REPLACE)
 
 
 def keep_log(log: Path | str) -> None:
-    """Raise InputError if a file holds something already; pipes and devices hold nothing."""
+    """Raise InputError if a file has any content; pipes and devices have none."""
     path = Path(log)
     if path.is_file() and path.stat().st_size:
         raise InputError(f"log={log}: exists: take another file, such as {quote(str(_free(path)))}{_OR_REPLACE}")
 
 
 def _live(folder: Path) -> bool:
-    """Return whether edges are a live board's: without a readable report they may be (docs/run-folder.md)."""
+    """Return whether edges may be a live board's; without a readable report they may (docs/run-folder.md)."""
     try:
         report = read_report(folder)
         return report.passed is None and report.run.job not in (TEST_JOB, REPLAY_JOB)
@@ -98,7 +98,7 @@ _CHUNK_BYTES = 1 << 20
 
 
 class PlanRows(NamedTuple):
-    """New rows of the trajectory.csv of one plan; the first of all is the head of the file."""
+    """New rows of a plan's trajectory.csv; the very first one is the file's head."""
 
     number: int
     rows: Sequence[str]
@@ -106,14 +106,14 @@ class PlanRows(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """All that happened since the piece before.
+    """Everything since the last piece.
 
     Attributes:
         axes: edges of each axis.
         log: lines of the bus log.
-        plans: rows of one plan after the other.
-        mark: how far the recording goes with this piece; the recording sets `frames`, `plan_from` and `plan_to`.
-        plan_number: number of the plan of the motion that the mark tells of; 0 without one.
+        plans: new rows of each plan.
+        mark: end of the recording with this piece; the recording sets `frames`, `plan_from` and `plan_to`.
+        plan_number: number of the plan of the mark's motion; 0 without one.
     """
 
     axes: Sequence[AxisEvidence]
@@ -126,15 +126,14 @@ class Piece:
 class Recording:
     """A recording in progress in the folder of a run.
 
-    A file that cannot be written ends the recording and raises nothing: `failure` tells it, and what was recorded
-    before remains.
+    An error of writing ends the recording without an exception: `failure` has it, and what was recorded before remains.
 
     Attributes:
-        failure: why the recording has ended before its time; None if it has not.
+        failure: why the recording has ended early; None if it has not.
     """
 
     def __init__(self, folder: Path, header: Header, robot_toml: str) -> None:
-        """Begin a recording, in place of what the folder holds.
+        """Begin a recording in place of the folder's content.
 
         Raises:
             OSError: a file cannot be written.
@@ -145,16 +144,16 @@ class Recording:
         self._parts = folder / RECORDING
         self._mark = Mark()
         self._sizes: dict[str, int] = {}
-        """Bytes of each file in `recording.part` up to the last mark."""
+        """Size of each file in `recording.part` at the last mark, in bytes."""
         self._plans_from: dict[int, int] = {}
-        """Place of the first row of each plan in their file, by its number."""
+        """Place of each plan's first row in the plans' file, by number."""
         refuse_link(self._parts)
         (self._parts / HEADER).unlink(missing_ok=True)
         if self._parts.exists():
             shutil.rmtree(self._parts)
         self._parts.mkdir()
         try:
-            write_json(self._parts / HEADER, header.document())  # from here on the folder is a recording
+            write_json(self._parts / HEADER, header.document())  # from here on the folder has a recording
         except OSError:
             shutil.rmtree(self._parts)
             raise
@@ -165,7 +164,7 @@ class Recording:
 
     @property
     def until_s(self) -> float:
-        """Seconds since power-up up to which everything is recorded."""
+        """Seconds since power-up that are recorded completely."""
         return self._mark.until_counts / COUNTS_PER_SECOND
 
     def append(self, piece: Piece) -> None:
@@ -180,7 +179,7 @@ class Recording:
     def finish(self, document: Mapping[str, Any]) -> None:
         """Complete the folder, with `document` as report.json; do nothing once the recording has ended.
 
-        Only when the folder is complete does `recording.part` cease to be a recording.
+        `recording.part` remains until the folder is complete.
         """
         if self.failure:
             return
@@ -191,7 +190,7 @@ class Recording:
             report = {**document, VERSION_KEY: FOLDER_VERSION, **digests(self._folder)}
             write_json(self._folder / REPORT, report)
             (self._parts / HEADER).unlink()
-            shutil.rmtree(self._parts, ignore_errors=True)  # a file that another program reads may stay on Windows
+            shutil.rmtree(self._parts, ignore_errors=True)  # on Windows, a file that another program reads may stay
         except OSError as error:
             self._fail(error)
 
@@ -202,7 +201,7 @@ class Recording:
         self.failure.__cause__ = error
 
     def _know_limits(self, axes: Sequence[AxisEvidence]) -> None:
-        """Write the header again if a driver has got further limits, before violations of them are recorded."""
+        """Write the header again if a driver has further limits, before their violations are recorded."""
         known = tuple(
             total._replace(limits=axis.violations.limits) for total, axis in zip(self._header.axes, axes, strict=True)
         )
@@ -260,7 +259,7 @@ class Recording:
                     shutil.copyfileobj(values, member, _CHUNK_BYTES)
 
     def _data(self, piece: Piece) -> Iterable[tuple[str, bytes]]:
-        """Yield the new bytes of each file that grows; note where a plan begins in its file."""
+        """Yield the new bytes of each growing file; note where a plan begins."""
         for axis in piece.axes:
             for key, values in edge_arrays(axis).items():
                 if values.size:
@@ -275,7 +274,7 @@ class Recording:
 
 
 def _member(key: str) -> ZipInfo:
-    """Return an archive member without a time of day, as numpy does: equal arrays make equal files."""
+    """Return an archive member without a time of day, as numpy does; equal arrays give equal files."""
     info = ZipInfo(f"{key}.npy")
     info.compress_type = ZIP_DEFLATED
     return info

@@ -35,16 +35,16 @@ from steptwin.host.verify import (
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _FRAMES_MAX: Final = 1e15
-"""Largest number of frames in a report: more than any bus carries in a machine's life."""
+"""Largest number of frames in a report: more than a bus carries in a machine's life."""
 
 
 @dataclass(frozen=True, slots=True)
 class StoredCapture:
-    """What a report says of the logic analyser's file from which its edges are.
+    """Logic analyser capture of a report.
 
     Attributes:
         tolerance_steps: largest distance of a count from the plan.
-        reasons: why it failed, as far as the folder does not show it: wrong wiring, and clocks that differ.
+        reasons: reasons for a failure that the folder does not show: wrong wiring, and different clocks.
     """
 
     tolerance_steps: float
@@ -61,13 +61,13 @@ class StoredReport:
         passed: the verdict; None if the board did not know the plan.
         driver_profile: name of the drivers on the board.
         axes: figures of each axis by name.
-        fault: the fault that ended the run; None if the run came to its end.
+        fault: fault that ended the run; None if the run was complete.
         document: the whole document.
-        recording: the recording without an end from which the report was made; None for a report from a file.
-        next_motion_s: when a motion began, since power-up, that is not in the plan; None if there was none.
-        capture: of a real controller's edges; None for a run that was emulated.
-        kept: what features keep of it when the run is verified again, by key.
-        stop: what has stopped a live board's machine since its motion began; None if nothing has.
+        recording: recording without an end that the report was made from; None for a report from a file.
+        next_motion_s: start, since power-up, of a motion that is not in the plan; None without one.
+        capture: capture of a real controller; None for an emulated run.
+        kept: what features keep of it for a new verification, by key.
+        stop: stop of a live board's machine since its motion began; None without one.
     """
 
     run: RunInfo
@@ -85,12 +85,12 @@ class StoredReport:
 
     @property
     def gates(self) -> Gates:
-        """What the run is held to: another controller has a step rule of its own."""
+        """Gates of the run: another controller has a step rule of its own."""
         return OWN_FIRMWARE if self.capture is None else any_step_rule(self.capture.tolerance_steps)
 
 
 def read_report(folder: Path) -> StoredReport:
-    """Return a folder's report; for a recording that has no end, what its report would say.
+    """Return a folder's report; for a recording without an end, the report that it would have.
 
     Raises:
         InputError: the file is missing or not JSON, has another version, or a key is missing or has another kind.
@@ -126,7 +126,7 @@ def _stop(table: Table) -> MachineStop:
 
 
 def stop_document(stop: MachineStop | None) -> dict[str, Any] | None:
-    """Return a stop as report.json has it under `stopped`."""
+    """Return a stop as the entry `stopped` of report.json."""
     if stop is None:
         return None
     return {"at_s": round(stop.counts / COUNTS_PER_SECOND, 6), "by": stop.by, "in_motion": stop.in_motion}
@@ -185,7 +185,7 @@ def _next_motion_s(table: Table) -> float | None:
 
 
 def _fault(table: Table) -> Mapping[str, Any] | None:
-    """Check the keys of the fault that readers use, and return the whole fault; None without a fault."""
+    """Check the keys of a fault that readers use, and return the whole fault; None without one."""
     if "fault" not in table.values:
         return None
     with table.section("fault") as fault:
@@ -198,10 +198,10 @@ def _fault(table: Table) -> Mapping[str, Any] | None:
 
 
 def read_feature(folder: Path, name: str) -> tuple[Any, Any]:
-    """Return a feature's evidence and expectation from its file of a folder.
+    """Return a feature's evidence and expectation from its file.
 
     Raises:
-        InputError: the file is missing or not JSON, or the feature finds something wrong in it.
+        InputError: the file is missing or not JSON, or invalid for the feature.
     """
     path = existing_file(folder, feature_file(name))
     with prefixed(f"{path}: "):

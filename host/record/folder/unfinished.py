@@ -1,8 +1,7 @@
-"""Name the files of a recording in progress, and read one that has no end.
+"""Files of a recording in progress, and reading of one without an end.
 
-`recording.part` is a folder. Its files only grow, and a mark is the last that is written of each piece: whatever ends
-the recording, all up to its last mark can be read. It has no end if its board was killed, its disk was full, or its
-board still runs.
+`recording.part` is a folder. Its files only grow, and each piece ends with a mark: everything up to the last mark can
+be read, however the recording ends. It has no end if its board was killed, its disk was full, or its board still runs.
 """
 
 import json
@@ -48,26 +47,26 @@ from steptwin.protocol.drivers import ActiveEdge
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 HEADER: Final = "header.json"
-"""File that is there, complete, from the beginning of a recording to its end."""
+"""File that exists, complete, from the beginning of a recording to its end."""
 MARKS: Final = "marks.jsonl"
-"""File with a line for each piece: the values of the mark that differ from the mark before, and longer files."""
+"""File with a line for each piece: changed values of the mark, and sizes of grown files."""
 PLAN: Final = "plan.csv"
-"""File with the rows of trajectory.csv, of one motion after the other."""
+"""File with the rows of trajectory.csv of all motions."""
 NOTHING: Final = "nothing was recorded"
 
 _COUNTS_MAX: Final = float(1 << 62)
 _WHOLE: Final = ("until_counts", "start_counts", "frames", "plan_from", "plan_to", "next_counts", "stopped_counts")
-"""Keys of a mark whose values are whole numbers."""
+"""Keys of a mark with whole numbers."""
 
 
 def unfinished(folder: Path) -> bool:
-    """Return whether a folder holds a recording that has no end."""
+    """Return whether a folder has a recording without an end."""
     return (folder / RECORDING / HEADER).is_file()
 
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """The facts of a recording that are known from its beginning.
+    """Facts of a recording that are known from its beginning.
 
     Attributes:
         robot: the robot's name.
@@ -82,14 +81,14 @@ class Header:
     axes: tuple[AxisTotals, ...]
 
     def document(self) -> dict[str, Any]:
-        """Return the header as it is written."""
+        """Return the header as JSON."""
         axes = [axis._asdict() | {"limits": [asdict(limit) for limit in axis.limits]} for axis in self.axes]
         own = {"robot": self.robot, "driver_profile": self.driver_profile, "bitrate": self.bitrate}
         return {VERSION_KEY: FOLDER_VERSION, **own, "axes": axes}
 
     @staticmethod
     def of(table: Table) -> "Header":
-        """Return the header in a JSON object; raise InputError for a missing key, a wrong value or another version."""
+        """Return the header from a JSON object; raise InputError for a missing key, invalid value or other version."""
         check_version(table.values.get(VERSION_KEY))
         return Header(
             table.text("robot"), table.text("driver_profile"), table.integer("bitrate"), table.each("axes", _totals)
@@ -110,21 +109,21 @@ def _limit(limit: Table) -> DriverLimit:
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """The end of a recording so far.
+    """End of a recording so far.
 
     Attributes:
-        until_counts: instant up to which every edge is recorded.
-        start_counts: t = 0 of the motion that is shown: the last one that a SYNC started and that has a plan, else the
-            last one; 0 if there was none.
+        until_counts: instant up to which all edges are recorded.
+        start_counts: t = 0 of the displayed motion: the last one with a SYNC and a plan, else the last one; 0 if there
+            was none.
         frames: number of frames in the bus log.
-        no_plan: reason why there is no plan of that motion; None if its rows so far are recorded.
-        in_motion: True if that motion has not come to its end.
-        plan_from: place of that motion's first row in the file of the plans, in bytes.
-        plan_to: place behind its last row; 0 if that is the end of the file.
+        no_plan: why there is no plan of that motion; None if its rows so far are recorded.
+        in_motion: True if that motion has not ended.
+        plan_from: place of that motion's first row in the plans' file, in bytes.
+        plan_to: place after its last row; 0 if that is the end of the file.
         next_counts: instant when a later motion began that is not in the plan; 0 if there was none.
         stopped_counts: instant when the machine was stopped since that motion began; 0 if it was not.
-        stopped_by: what has stopped it, in words.
-        stopped_in_motion: True if it moved.
+        stopped_by: cause of the stop, as text.
+        stopped_in_motion: True if the machine was moving.
         load_percent: load of the bus since power-up.
         wall_s: seconds on the wall clock since power-up.
     """
@@ -145,23 +144,23 @@ class Mark:
 
     @property
     def stop(self) -> MachineStop | None:
-        """What has stopped the machine since that motion began; None if nothing has."""
+        """Stop of the machine since that motion began; None without one."""
         return MachineStop(self.stopped_counts, self.stopped_by, self.stopped_in_motion) if self.stopped_by else None
 
     def with_stop(self, stop: MachineStop | None) -> "Mark":
-        """Return the mark with what has stopped the machine."""
+        """Return a copy of the mark with `stop` as the machine's stop."""
         if stop is None:
             return self
         return replace(self, stopped_counts=stop.counts, stopped_by=stop.by, stopped_in_motion=stop.in_motion)
 
     def line(self, before: "Mark", sizes: Mapping[str, int]) -> str:
-        """Return what is new since the mark before, with the sizes in bytes of the files that have grown."""
+        """Return the changes since the last mark as a line, with the sizes in bytes of grown files."""
         old = asdict(before)
         new: dict[str, Any] = {key: value for key, value in asdict(self).items() if value != old[key]}
         return json.dumps(new | ({"sizes": dict(sizes)} if sizes else {})) + "\n"
 
     def after(self, line: Table) -> "Mark":
-        """Return the mark that a line makes of this one; raise InputError for a wrong value."""
+        """Return the next mark from its line; raise InputError for an invalid value."""
         values: dict[str, Any] = asdict(self)
         for key in _WHOLE:
             if key in line:
@@ -181,13 +180,13 @@ class Mark:
 
 @dataclass(frozen=True, slots=True)
 class UnfinishedRecording:
-    """A recording as far as it goes: up to its last mark.
+    """A recording up to its last mark.
 
     Attributes:
         folder: the folder of the run.
-        header: what was known from the beginning.
-        mark: the last mark that is whole and whose files are as long as it says.
-        sizes: bytes of each file in `recording.part` up to that mark.
+        header: facts from its beginning.
+        mark: last mark that is whole and whose files have its sizes.
+        sizes: size of each file in `recording.part` at that mark, in bytes.
     """
 
     folder: Path
@@ -197,16 +196,16 @@ class UnfinishedRecording:
 
     @property
     def until_s(self) -> float:
-        """Seconds since power-up up to which everything is recorded."""
+        """Seconds since power-up that are recorded completely."""
         return self.mark.until_counts / COUNTS_PER_SECOND
 
     @property
     def interruption(self) -> str:
-        """The end of the recording so far, in words."""
+        """End of the recording so far, as text."""
         return f"the recording has no end: it goes to {self.until_s:.3f} s after power-up"
 
     def run_info(self) -> RunInfo:
-        """Return what a report would say of the run."""
+        """Return a report's facts of the run."""
         mark, header = self.mark, self.header
         traffic = BusReport(header.bitrate, mark.frames, mark.load_percent)
         return RunInfo(header.robot, LIVE_JOB, self.until_s, traffic, self.until_s, max(mark.wall_s, 1e-6))
@@ -215,8 +214,8 @@ class UnfinishedRecording:
         """Return the evidence up to the last mark, without the outputs' names.
 
         Raises:
-            InputError: a file cannot be read.
-            ContradictionError: the files do not fit each other.
+            InputError: a file is unreadable.
+            ContradictionError: the files contradict each other.
         """
         parts = self.folder / RECORDING
         with prefixed(f"{parts}: "):
@@ -225,7 +224,7 @@ class UnfinishedRecording:
             return evidence_until(evidence_of(arrays), self.mark.until_counts)
 
     def plan_text(self) -> str:
-        """Return trajectory.csv as far as it was recorded; raise InputError if it cannot be read."""
+        """Return the recorded part of trajectory.csv; raise InputError if it is unreadable."""
         path = self.folder / RECORDING / PLAN
         size = (self.mark.plan_to or self.sizes.get(PLAN, 0)) - self.mark.plan_from
         with prefixed(f"{path}: "):
@@ -239,7 +238,7 @@ class UnfinishedRecording:
 
 
 class _ArrayFiles:
-    """The arrays of edges.npz, by key: those of the header, and those that grow, each in its file."""
+    """Arrays of edges.npz, by key: those of the header, and growing ones, each in its file."""
 
     def __init__(self, parts: Path, recording: UnfinishedRecording) -> None:
         self._parts = parts
@@ -256,7 +255,7 @@ class _ArrayFiles:
         return key in self._constant or key in self._types
 
     def array(self, key: str) -> NDArray[Any]:
-        """Return an array; raise InputError if its file cannot be read."""
+        """Return an array; raise InputError if its file is unreadable."""
         if key in self._constant:
             return np.asarray(self._constant[key])
         count = self._sizes.get(key, 0) // self._types[key].itemsize
@@ -269,10 +268,10 @@ class _ArrayFiles:
 
 
 def read_unfinished(folder: Path) -> UnfinishedRecording:
-    """Return the recording that a folder holds without its end.
+    """Read a folder's recording without an end.
 
     Raises:
-        InputError: the header cannot be read, has another version, or a key is missing or has another kind.
+        InputError: the header is unreadable, has another version, or a key is missing or has another kind.
     """
     parts = folder / RECORDING
     with prefixed(f"{parts / HEADER}: "):
@@ -283,7 +282,7 @@ def read_unfinished(folder: Path) -> UnfinishedRecording:
             grown = _grown(parts, line)
             mark = mark.after(line)
             sizes |= grown
-    except InputError:  # the line was cut off, or what it tells of was: the recording goes to the mark before
+    except InputError:  # the line, or its data, was cut off: the recording ends at the last mark before
         pass
     return UnfinishedRecording(folder, header, mark, sizes)
 
@@ -298,7 +297,7 @@ def _lines(path: Path) -> Iterator[Table]:
 
 
 def _grown(parts: Path, line: Table) -> dict[str, int]:
-    """Return the sizes that a line tells; raise InputError if a file is not that long."""
+    """Return the sizes in a line; raise InputError if a file is shorter."""
     if "sizes" not in line:
         return {}
     with line.section("sizes") as table:

@@ -1,4 +1,4 @@
-"""Judge a stored run again from its files alone, and compare its report with them."""
+"""Verify a stored run again from its files alone, and compare its report with them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ from steptwin.host.verify.figures import axis_figures
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _END_S: Final = 1e-3
-"""Time by which the end of the run may be rounded in the report."""
+"""Largest rounding of the run's end in the report."""
 
 _MS: Final = 3
 """Decimals of a duration: motions last whole milliseconds."""
@@ -31,13 +31,12 @@ class FolderVerdict:
         driver_profile: name of the drivers on the board, from the stored report.
         tampered: one line for each sign that the files were changed after the run.
         fault: the fault that ended the run, from the stored report; None if the run came to its end.
-        interruption: how far a recording goes that has no end, which cannot pass; None if it has one.
-        noted: what the files beside the report do not show: of a capture, the reasons that were seen in the file of the
-            logic analyser alone.
+        interruption: end of a recording without an end, which cannot pass; None if it has one.
+        noted: reasons that only the stored report knows: of a capture, those seen in the logic analyser's file.
         simulated: False for a capture of a real controller.
         kept: what features keep of the stored report, by key.
-        stop: what has stopped a live board's machine since its motion began, which cannot pass; None: nothing has.
-        of_other_runs: the files with which the stored report was not written: changed, or of another run.
+        stop: stop of a live board's machine since its motion began, which cannot pass; None without one.
+        of_other_runs: files that differ from the stored report's digests: changed, or of another run.
     """
 
     report: Report
@@ -61,12 +60,12 @@ class FolderVerdict:
 
     @property
     def passed(self) -> bool:
-        """True if the run was right and came to its end, and the folder is as the run left it."""
+        """True if the run passed and was complete, and the folder is unchanged."""
         return not self.reasons and self.fault is None
 
 
 def mixture(files: Sequence[str]) -> str:
-    """Return what is wrong with files that are not a report's own."""
+    """Return a line about files that differ from the report's digests."""
     are = f"{files[0]} is not the file" if len(files) == 1 else f"{', '.join(files)} are not the files"
     return f"{are} with which {REPORT} was written: changed since, or of another run"
 
@@ -75,8 +74,8 @@ def verify_folder(folder: Path, plan_folder: Path | None = None) -> FolderVerdic
     """Verify a stored run against its own plan, or against that of `plan_folder`.
 
     Raises:
-        InputError: a file is missing or cannot be read (the message names file and key), or `plan_folder` must not
-            replace the folder's own plan.
+        InputError: a file is missing or unreadable (the message names file and key), or `plan_folder` must not replace
+            the folder's own plan.
         ContradictionError: the files contradict themselves or each other.
     """
     stored = read_run(folder, plan_folder)
@@ -109,7 +108,7 @@ def _noted(said: StoredReport) -> tuple[str, ...]:
 
 
 def _after_the_end(stored: StoredRun) -> list[str]:
-    """Return a line for each axis with an edge after the run's end; a live board may be recorded beyond its report."""
+    """Return a line for each axis with an edge after the run's end; a live board's recording may be longer."""
     if stored.report.passed is None:
         return []
     end_s = stored.report.run.simulated_s
@@ -122,9 +121,9 @@ def _after_the_end(stored: StoredRun) -> list[str]:
 
 
 def _frames_missing(folder: Path, stored: StoredRun) -> list[str]:
-    """Return a line if the bus log has another number of frames than the report says.
+    """Return a line if the bus log has another number of frames than the report.
 
-    After the last mark of a recording that has no end there may be more.
+    A recording without an end may have more after its last mark.
     """
     frames = count_frames(existing_file(folder, BUS_LOG))
     said = stored.report.run.bus.frames
@@ -134,7 +133,7 @@ def _frames_missing(folder: Path, stored: StoredRun) -> list[str]:
 
 
 def _differences(stored: StoredRun, report: Report) -> list[str]:
-    """Return a line for each figure of the report that the files contradict; a live board's report has no verdict."""
+    """Return a line for each figure of the report that contradicts the files; a live board's report has no verdict."""
     if stored.report.passed is None:
         return []
     given, said = report.to_dict(), stored.report

@@ -41,11 +41,11 @@ def _files() -> tuple[str, ...]:
 
 
 def prepare_folder(out: Path | str, files: Iterable[str] = ()) -> Path:
-    """Make the folder before the work for it begins.
+    """Create the folder before a run, and check that it can be written.
 
     Raises:
-        InputError: it cannot be made or written to, it holds a symbolic link, or a folder in it has the name of a file
-            that is to be written.
+        InputError: it cannot be created or written, has a symbolic link, or has a folder with the name of a file to
+            write.
     """
     if not str(out).strip():
         raise InputError(f"out={str(out)!r}: the name of the folder is empty")
@@ -73,10 +73,10 @@ def write_folder(
     bus_log: Sequence[tuple[int, Frame]],
     expected: Mapping[str, Any] | None = None,
 ) -> None:
-    """Write every file but the pictures, all together, in place of an older run's.
+    """Write all files but the pictures, together, in place of an older run's.
 
-    The document is the one that `run --json` prints, with FOLDER_VERSION under VERSION_KEY; `expected` is what the
-    motion is planned to leave for features.
+    The document is that of `run --json`, with FOLDER_VERSION under VERSION_KEY; `expected` is what features expect of
+    the motion.
     """
     with files_together(out, REPORT, older_files()) as new:
         write_whole(new / ROBOT, plan.robot.toml)
@@ -98,7 +98,7 @@ def write_folder(
 
 
 def older_files() -> tuple[str, ...]:
-    """Return the names of the files that tell of a folder's run, all pictures of runs included."""
+    """Return the names of all files that belong to a folder's run, with all its pictures."""
     return (*_files(), *(f"{name}.png" for name in PICTURES))
 
 
@@ -108,10 +108,10 @@ def can_draw() -> bool:
 
 
 def draw_pictures(folder: Path) -> None:
-    """Draw the pictures of the run in a folder; raise OSError if one cannot be written.
+    """Draw the pictures of the run in a folder; raise OSError if writing fails.
 
-    They are drawn from the folder, so that `plot` draws the same: the stored motion differs slightly from the planned
-    one (see `motion`), and with it the instant of the largest error.
+    The folder is their source, as for `plot`, so the pictures are equal: the stored motion differs slightly from the
+    planned one (see `motion`), and so does the instant of the largest error.
     """
     stored = read_run(folder)
     write_plots(folder, RUN_PICTURES, stored.report.run, stored.comparison, stored.report.document)

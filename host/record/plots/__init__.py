@@ -1,4 +1,4 @@
-"""Draw pictures of a run from a comparison of plan and evidence, never from the firmware's own view.
+"""Draw pictures of a run from its plan and evidence, never from the firmware's own state.
 
 Importing this does not import matplotlib.
 """
@@ -52,10 +52,10 @@ PICTURES: Final[Mapping[str, Picture]] = {
                 close_up=True),
     )
 }  # fmt: skip
-"""Pictures of a run, by the names of their files, which the command line takes too."""
+"""Pictures of a run by file name, which is also their name on the command line."""
 
 RUN_PICTURES: Final = ("overview", "error")
-"""Pictures that are drawn into every run's folder."""
+"""Pictures drawn into every run's folder."""
 
 
 def write_plots(
@@ -67,9 +67,9 @@ def write_plots(
     form: str = "png",
     view: PlotView = DEFAULT_VIEW,
 ) -> list[Path]:
-    """Draw pictures of a run into a folder, made if missing, and return the paths of the files.
+    """Draw pictures of a run into a folder, created if missing, and return the paths of the files.
 
-    Those of the tool are left out for a machine that has none. `document` is that of the run's report.json.
+    Pictures of the tool are left out for a machine without one. `document` is that of the run's report.json.
     """
     from steptwin.host.record.plots.shown_run import ShownRun
 

@@ -1,4 +1,4 @@
-"""Share the parts of all pictures: style, sheets of panels at fixed places, and thinning of long series.
+"""Common parts of all pictures: style, sheets of panels at fixed places, and thinning of long series.
 
 Figures are made without pyplot, which needs a window system and keeps global state.
 """
@@ -26,7 +26,7 @@ from steptwin.host.verify import RunInfo
 
 DOTS_PER_INCH: Final = 120
 WIDTH_INCHES: Final = 10.0
-"""Width of a figure that is no Sheet."""
+"""Width of a figure that is not a Sheet."""
 
 COLUMNS: Final = 640
 """Number of columns of an envelope: about the width of a wide panel in pixels of a small screen."""
@@ -39,7 +39,7 @@ LIMIT: Final = "#a02010"
 
 NO_MOTION: Final = "no joint moves"
 
-STYLE: Any = {  # Any: matplotlib spells out every key as a literal type in some versions and none in others
+STYLE: Any = {  # Any: some versions of matplotlib type every key as a literal, others do not
     "axes.axisbelow": True,
     "axes.grid": True,
     "axes.spines.right": False,
@@ -53,13 +53,13 @@ STYLE: Any = {  # Any: matplotlib spells out every key as a literal type in some
     "legend.fontsize": 8,
     "legend.frameon": False,
     "lines.linewidth": 1.0,
-    "svg.hashsalt": "steptwin",  # without it an SVG file's identifiers differ each time
+    "svg.hashsalt": "steptwin",  # otherwise an SVG file's identifiers differ each time
 }
 
-SHEET_STYLE: Any = STYLE | {  # larger letters: on a telephone a sheet of 8 inches is 390 pixels wide
+SHEET_STYLE: Any = STYLE | {  # large letters: on a telephone a sheet of 8 inches is 390 pixels wide
     "axes.titlesize": 12,
     "axes.labelsize": 11,
-    "axes.titley": 1.0,  # else matplotlib measures all labels to place the title above them
+    "axes.titley": 1.0,  # otherwise matplotlib measures all labels to place the title above them
     "axes.formatter.useoffset": False,
     "figure.titlesize": 13,
     "font.size": 12,
@@ -72,24 +72,24 @@ SHEET_STYLE: Any = STYLE | {  # larger letters: on a telephone a sheet of 8 inch
 
 _SHEET_INCHES: Final = 8.0
 _EDGE_INCHES: Final = 0.18
-"""Room between the sheet's edge and its texts."""
+"""Margin between the sheet's edge and its texts."""
 LEFT_INCHES: Final = 1.2
-"""Room on the left of a row's first panel: name with unit, and labels of ticks."""
+"""Margin on the left of a row's first panel, for name with unit and tick labels."""
 _APART_INCHES: Final = 1.0
-"""Room between two panels of a row, for the same."""
+"""Space between two panels of a row, for the same."""
 _TICKS_INCHES: Final = 0.74
 """Distance of a label from its panel: the width of seven digits."""
 _HEADING_LINE_INCHES, _LINE_INCHES, _HEADS_INCHES, _BELOW_INCHES = 0.25, 0.2, 0.3, 0.6
 _HEADING_CHARS, _CHARS = 68, 90
-"""Letters of a line of the heading, and of other texts, that fit on a sheet."""
+"""Letters in a line of the heading, and of other texts, on a sheet."""
 _NAME_CHARS_AN_INCH: Final = 11
-"""Letters of a panel's upright label that fit beside an inch of it."""
+"""Letters of a panel's vertical label for each inch of the panel."""
 
 
 class Sheet:
-    """A picture in the making: panels in rows and columns at fixed places.
+    """A picture in progress: panels in rows and columns at fixed places.
 
-    The layouts of matplotlib measure all texts before they draw them, which takes as long as drawing.
+    Matplotlib's own layouts measure all texts before drawing, which takes as long as drawing.
 
     Attributes:
         figure: the figure.
@@ -108,7 +108,7 @@ class Sheet:
         self.band = (0.0, 1.0)
 
     def entitle(self, what: str = "") -> int:
-        """Write the heading: the run, the picture, that the run is simulated. Return its number of lines."""
+        """Write the heading: run, picture, and that the run is simulated. Return its number of lines."""
         lines = textwrap.wrap(heading(self.run, what or self.picture.title), _HEADING_CHARS, break_long_words=True)
         x, y = _EDGE_INCHES / self.figure.get_figwidth(), 1.0 - 0.12 / self.figure.get_figheight()
         self.figure.suptitle("\n".join(lines), x=x, y=y, ha="left", va="top", weight="bold", linespacing=1.2)
@@ -128,25 +128,25 @@ class Sheet:
         apart_inches: float = _APART_INCHES,
         share: Literal["all", "column", "none"] = "all",
     ) -> list[list[Axes]]:
-        """Return rows of panels; for 0 rows, one that says that no joint moves.
+        """Return rows of panels; for 0 rows, one panel with the text that no joint moves.
 
         Args:
             rows: number of rows.
-            what: what the heading says it is, in place of the picture's title.
-            heads: what stands above the columns, in place of the picture's.
+            what: heading in place of the picture's title.
+            heads: titles of the columns in place of the picture's.
             note: text below all panels.
             band_lines: number of lines of text, or of a legend, between heading and panels.
-            heights_inches: heights of rows that are not all as high as the picture says.
-            left_inches: room on the left of the first column.
-            right_inches: room on the right of the last column.
-            apart_inches: room between columns.
-            share: whether all panels have the same axis across, or those of a column, or none.
+            heights_inches: heights of rows that differ from the picture's.
+            left_inches: space on the left of the first column.
+            right_inches: space on the right of the last column.
+            apart_inches: space between columns.
+            share: whether all panels have the same horizontal axis, or those of a column, or none.
         """
         picture, figure = self.picture, self.figure
         heights = list(heights_inches) or [picture.row_inches] * max(rows, 1)
         notes = textwrap.wrap(note, _CHARS)
         above, below = picture.above_inches, picture.below_inches
-        # A title's number of lines does not depend on the figure's size, which does on it.
+        # A title's number of lines does not depend on the figure's size, but the size depends on it.
         heading_inches = 0.2 + _HEADING_LINE_INCHES * self.entitle(what)
         top = heading_inches + _LINE_INCHES * 1.3 * band_lines + _HEADS_INCHES * any(picture.heads)
         lines_across = max((text.count("\n") for text in picture.across), default=0) + len(notes)
@@ -219,7 +219,7 @@ def room_for(labels: Iterable[str]) -> float:
 
 
 LANE_HIGH: Final = 0.8
-"""Height of what is drawn in a lane; the rest is room above it."""
+"""Height of the drawing in a lane; the rest is space above it."""
 
 
 def make_lanes(axes: Axes, labels: Sequence[str]) -> None:
@@ -234,7 +234,7 @@ def make_lanes(axes: Axes, labels: Sequence[str]) -> None:
 
 
 def plain_texts(artist: Artist) -> None:
-    """Let texts appear as they stand: names from files, such as `$x^$`, are no formulas; only tick labels hold some."""
+    """Show texts literally: names from files, such as `$x^$`, are not formulas; only tick labels have some."""
     if isinstance(artist, Text):
         artist.set_parse_math(False)
     for child in [artist.label, artist.offsetText] if isinstance(artist, Axis) else artist.get_children():
@@ -242,15 +242,15 @@ def plain_texts(artist: Artist) -> None:
 
 
 def save_figure(figure: Figure, path: Path, metadata: Mapping[str, Any], dots: float = DOTS_PER_INCH) -> None:
-    """Write a picture with so many dots per inch."""
+    """Write a picture with `dots` dots per inch."""
     plain_texts(figure)
     layout = figure.get_layout_engine()
-    if layout and path.suffix == ".png":  # else `savefig` would draw it twice, once only to lay it out
+    if layout and path.suffix == ".png":  # otherwise `savefig` would draw it twice, once only for the layout
         figure.set_dpi(dots)
         layout.execute(figure)
         figure.set_layout_engine(None)
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # drawn as an empty box
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # would be drawn as an empty box
         with whole_file(path) as file:
             figure.savefig(file, format=path.suffix[1:], dpi=dots, metadata=dict(metadata))
 
@@ -261,7 +261,7 @@ def write_inside(axes: Axes, text: str, **options: Any) -> None:
 
 
 def envelope(t_s: FloatArray, values: FloatArray, end_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Reduce a dense series for drawing to one instant, least and greatest value for each column of a picture.
+    """Reduce a dense series for drawing to one instant, and least and greatest value, for each column of pixels.
 
     A line through thousands of edges would show patterns of the picture's own raster instead. Each column includes the
     neighbours on both sides, so that the curve between two instants is drawn too.
@@ -283,7 +283,7 @@ def envelope(t_s: FloatArray, values: FloatArray, end_s: float) -> tuple[FloatAr
 
 
 def thinned(t_s: FloatArray, values: FloatArray, groups: int = 4000) -> tuple[FloatArray, FloatArray]:
-    """Reduce a series for drawing to the extremes of each group of neighbours: no peak is lost."""
+    """Reduce a series for drawing to the extremes of each group of neighbours; all peaks remain."""
     size = len(values) // groups
     if size < 4:
         return t_s, values

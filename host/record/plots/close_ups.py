@@ -1,4 +1,4 @@
-"""Draw a run around an instant: the pins of all axes, as a logic analyser shows them, or the phase currents."""
+"""Draw a run around an instant: the pins of all axes, as a logic analyser does, or the phase currents."""
 
 from dataclasses import replace
 from itertools import groupby
@@ -52,7 +52,7 @@ def draw_edges(sheet: Sheet, shown: ShownRun) -> None:
 
 
 def _window(comparison: Comparison, moment: PlotMoment) -> Window:
-    """Return the part of the record to show, rounded outwards to whole counts."""
+    """Return the part of the record to draw, rounded outwards to whole counts."""
     whole = whole_record(comparison.evidence)
     first, last = whole.counts(moment.from_s) - 1, whole.counts(moment.to_s) + 1
     return Window(max(first, whole.from_counts), last, comparison.evidence.start_counts)
@@ -67,7 +67,7 @@ def _lanes(comparison: Comparison, window: Window) -> list[Signal]:
 
 
 def _course(signal: Signal, window: Window) -> tuple[FloatArray, FloatArray]:
-    """Return motion times and the level from each time on, from one end of the window to the other."""
+    """Return motion times and the level from each time on, over the whole window."""
     counts, levels = signal.changes.between(window.from_counts, window.to_counts)
     first = signal.changes.at(window.from_counts)
     counts = np.concatenate([[window.from_counts], counts, [window.to_counts]])
@@ -76,7 +76,7 @@ def _course(signal: Signal, window: Window) -> tuple[FloatArray, FloatArray]:
 
 
 def _clocked(comparison: Comparison, axis: int) -> CountedSteps:
-    """Return an axis' counted steps at their instants by the clock, which edges have, whatever the motion's speed."""
+    """Return an axis' counted steps at their clock time, like edges, whatever the motion's speed."""
     evidence, counted = comparison.evidence, comparison.counted[axis]
     steps = evidence.axes[axis].step_counts
     counts = steps[steps.size - counted.signs.size :]
@@ -84,7 +84,7 @@ def _clocked(comparison: Comparison, axis: int) -> CountedSteps:
 
 
 def _mark_steps(axes: Axes, counted: CountedSteps, lane: int, moment: PlotMoment) -> int:
-    """Draw a triangle up or down above each counted step, unless there are too many; return the number of steps."""
+    """Mark each counted step by a triangle up or down, unless there are too many; return the number of steps."""
     first, last = np.searchsorted(counted.time_s, (moment.from_s, moment.to_s)).tolist()
     times_ms = moment.shown_ms(counted.time_s[first:last])
     if last - first <= _MARKED_MAX:
@@ -95,7 +95,7 @@ def _mark_steps(axes: Axes, counted: CountedSteps, lane: int, moment: PlotMoment
 
 
 def _about_marks(steps: list[int]) -> str:
-    """Return the words that explain the triangles, or why steps have none."""
+    """Return a text that explains the triangles, or why steps have none."""
     if not any(steps):
         return "no driver counted a step here"
     if all(count == 0 or count > _MARKED_MAX for count in steps):

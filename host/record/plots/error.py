@@ -26,9 +26,9 @@ CLOSE_EDGES: Final = 5
 SPARSE_EDGES: Final = COLUMNS // 4
 """Greatest number of edges in the whole motion that are drawn one by one."""
 LEAST_ERROR: Final = 1e-4
-"""Least height of a lane in steps, mm or deg: below it rounding would look like an error."""
+"""Least height of a lane in steps, mm or deg; in a smaller one rounding would look like an error."""
 ROOM: Final = 1.08
-"""Height of a lane as a multiple of what it shows."""
+"""Height of a lane, relative to its content."""
 
 
 def draw_error(sheet: Sheet, shown: ShownRun) -> None:
@@ -72,7 +72,7 @@ def draw_error(sheet: Sheet, shown: ShownRun) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Lane:
-    """A lane, with the least and the greatest value in it."""
+    """A lane with its least and greatest value."""
 
     number: int
     least: float
@@ -80,18 +80,18 @@ class _Lane:
 
     @classmethod
     def around(cls, number: int, series: ErrorSeries, limit: float) -> Self:
-        """Return a lane that shows all values, 0, and both limits."""
+        """Return a lane with room for all values, 0, and both limits."""
         least, most = min(0.0, -limit, float(series.values.min())), max(0.0, limit, float(series.values.max()))
         room = max(ROOM * (most - least), LEAST_ERROR)
         return cls(number, (least + most - room) / 2, (least + most + room) / 2)
 
     def up(self, values: FloatArray | float) -> Any:
-        """Return where values are drawn."""
+        """Return the vertical positions of values."""
         return LANE_HIGH * (np.asarray(values) - self.least) / (self.most - self.least) - self.number
 
 
 def _draw_whole(axes: Axes, series: ErrorSeries, lane: _Lane, end_s: float) -> None:
-    """Draw the error as a line; if that had edges in most columns of pixels, its least and greatest values instead."""
+    """Draw the error as a line, or its least and greatest values if most columns of pixels have edges."""
     if series.edges.size <= SPARSE_EDGES:
         _draw_line(axes, series.t_s, lane.up(series.values))
         return
@@ -119,5 +119,5 @@ def _draw_close(axes: Axes, series: ErrorSeries, lane: _Lane) -> None:
 
 
 def _draw_line(axes: Axes, times: FloatArray, values: FloatArray) -> None:
-    """Draw a line that jumps at each instant from the value before it to the value after it."""
+    """Draw a step function that jumps at each instant."""
     axes.plot(np.repeat(times, 2), values.T.ravel(), color=COUNTED, linewidth=0.9)

@@ -21,39 +21,39 @@ from steptwin.host.robots.robot import Robot
 ARM: Final = "#7a3d00"
 """Colour of the arm: dark brown, as in the views onto planes."""
 TRIAD: Final = (("x", "#b5432a"), ("y", "#2a7f62"), ("z", "#2456a6"))
-"""Names and colours of a frame's axes; the letter is written at each axis' end, so that print needs no colours."""
+"""Names and colours of a frame's axes; a letter at each axis' end makes prints readable without colours."""
 _WIDTHS: Final = {Role.GUIDE: 1.2, Role.SLIDE: 5.0, Role.LINK: 4.5, Role.TOOL: 2.0, Role.HAND: 2.0}
 _HIGHEST_INCHES: Final = 6.2
-"""Greatest height of a view's box on paper, without its labels."""
+"""Largest height of a view's box on paper, without its labels."""
 _SHARES: Final = {1: (1.0,), 2: (0.6, 0.4)}
 """Parts of the picture's width for each of one or two views."""
 _NARROWEST_INCHES: Final = 6.0
-"""Least width of a figure: its heading fits."""
+"""Least width of a figure: that of its heading."""
 _BESIDE_INCHES: Final = 1.6
-"""Room for labels beside a view's box, on both sides together."""
+"""Space for labels beside a view's box, on both sides together."""
 _AROUND_INCHES: Final = (0.65, 0.8)
-"""Room above the box, for headings, and below it, for its labels."""
+"""Space above the box, for headings, and below it, for its labels."""
 _TICK_INCHES: Final = 0.7
 """Length of an axis on paper for each piece between its ticks."""
 _LETTERS: Final = 9
-"""Size of the labels around a view, for which there is room."""
+"""Font size of the labels around a view."""
 _BASE_PART: Final = 0.08
-"""Radius of the base's ring in parts of the arm's extent."""
+"""Radius of the base's ring, relative to the arm's extent."""
 _DEPTH_PART: Final = 0.4
-"""Least depth of the view's box in parts of its longest side."""
+"""Least depth of the view's box, relative to its longest side."""
 _LEAST_MM: Final = 1.0
-"""Least side of the view's box, around a tool that stands still."""
+"""Least side of the view's box, for a tool at standstill."""
 _ELEVATION_DEG: Final = 24.0
-"""Elevation from which the arm is seen."""
+"""Elevation of the camera."""
 _AZIMUTHS_DEG: Final = (-58.0, -28.0, -118.0)
-"""Azimuths from which the arm may be seen: the one that shows its shortest drawn link longest is taken."""
+"""Possible azimuths of the camera: that which shows its shortest drawn link longest is used."""
 HAND: Final = "#d9822b"
-"""Colour of the arrow that shows where the tool points."""
+"""Colour of the arrow in the tool's direction."""
 _POINTING: Final = {"scara": "x", "direction": "z", "pose": "z"}
 """The tool's axis that shows its orientation, by its task."""
 _ARROWS: Final = 20
 _ARROW_PART: Final = 0.12
-"""Length of an arrow of the tool's direction in parts of the path's extent."""
+"""Length of an arrow of the tool's direction, relative to the path's extent."""
 
 
 def draw_cloud_in_space(robot: Robot, cloud_mm: FloatArray, colour: str) -> Figure:
@@ -69,9 +69,9 @@ def draw_cloud_in_space(robot: Robot, cloud_mm: FloatArray, colour: str) -> Figu
 
 
 def draw_in_space(sheet: Sheet, shown: ShownRun) -> None:
-    """Draw a run's path with the tool's direction on the way, and the arm at its start and end.
+    """Draw a run's path with the tool's direction along it, and the arm at its start and end.
 
-    Frames of base, joints and tool are those at the start. Without a known robot there is the path alone.
+    Frames of base, joints and tool are those at the start. Without a known robot there is only the path.
     """
     comparison = shown.comparison
     robot, trajectory = comparison.expected.robot, comparison.expected.trajectory
@@ -132,24 +132,24 @@ def space_views(figure: Figure, parts: tuple[ArmPart, ...], count: int = 1) -> l
 
 
 def rightwards(azimuth_deg: float) -> FloatArray:
-    """Return the direction in space that is to the right in a picture from an azimuth."""
+    """Return the direction in space that points right in a picture from an azimuth."""
     azimuth_rad = np.deg2rad(azimuth_deg)
     return np.array([-np.sin(azimuth_rad), np.cos(azimuth_rad), 0.0])
 
 
 def _azimuth_deg(parts: tuple[ArmPart, ...]) -> float:
-    """Return the azimuth that shows the links best: none of them end on."""
+    """Return the azimuth that shows the links best, none of them end on."""
     ways_mm = [part.points_mm[0, -1] - part.points_mm[0, 0] for part in parts if part.role is Role.LINK]
     return max(_AZIMUTHS_DEG, key=lambda azimuth: min((abs(way @ rightwards(azimuth)) for way in ways_mm), default=0.0))
 
 
 def points_of(parts: tuple[ArmPart, ...]) -> FloatArray:
-    """Return all points of the parts but the guides', which may be far longer than the arm, of shape (n, 3)."""
+    """Return all points of the parts except guides, which may be far longer than the arm, of shape (n, 3)."""
     return np.vstack([part.points_mm[0] for part in parts if part.role is not Role.GUIDE])
 
 
 def points_around(parts: tuple[ArmPart, ...]) -> FloatArray:
-    """Return the points of the parts, and those of guides that are no longer than the arm, of shape (n, 3)."""
+    """Return the points of the parts and of guides no longer than the arm, of shape (n, 3)."""
     points_mm = points_of(parts)
     longest_mm = float(np.ptp(points_mm, axis=0).max())
     guides = [part.points_mm[0] for part in parts if part.role is Role.GUIDE]
@@ -157,7 +157,7 @@ def points_around(parts: tuple[ArmPart, ...]) -> FloatArray:
 
 
 def draw_parts(axes: Any, parts: tuple[ArmPart, ...], alpha: float = 1.0, within: FloatArray | None = None) -> None:
-    """Draw the parts; guides, which may be far longer than the arm, only in the box around the points `within`."""
+    """Draw the parts; guides, which may be far longer than the arm, only in the box of the points `within`."""
     for part in parts:
         points_mm, shown = part.points_mm[0], alpha
         if part.role is Role.GUIDE:
@@ -185,9 +185,9 @@ def draw_base(axes: Any, parts: tuple[ArmPart, ...], robot: Robot) -> FloatArray
 
 
 def fit_views(figure: Figure, views: list[Any], points: list[FloatArray], titles: Sequence[str] = ()) -> None:
-    """Show a box around each view's points, side by side and as large as fits; the figure is as high as it needs.
+    """Draw a box around each view's points, side by side and as large as possible; adapt the figure's height.
 
-    A figure of one view that is high and narrow is narrower than others.
+    A single high and narrow view makes the figure narrower.
     """
     widths_inches = [WIDTH_INCHES * share for share in _SHARES[len(views)]]
     drawn = []
@@ -231,7 +231,7 @@ def fit_views(figure: Figure, views: list[Any], points: list[FloatArray], titles
 
 
 def _set_view(axes: Any, points_mm: FloatArray) -> None:
-    """Show a box around the points, with equal scales along x, y and z."""
+    """Set a box around the points, with equal scales along x, y and z."""
     lower, upper = points_mm.min(axis=0), points_mm.max(axis=0)
     span = np.maximum(upper - lower, max(_DEPTH_PART * float((upper - lower).max()), _LEAST_MM))
     middle = (lower + upper) / 2

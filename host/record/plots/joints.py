@@ -56,11 +56,12 @@ def _draw_dir(axes: Axes, comparison: Comparison, i: int) -> None:
 
 
 NEAR: Final = 1.0
-"""Greatest distance of a limit, as a multiple of the curve's height, where it is drawn: a farther one would flatten
-the curve, and stands as a number in the panel's title only."""
+"""Largest distance of a drawn limit, relative to the curve's height. A farther one would flatten the curve,
+and is a number in the panel's title only.
+"""
 
 HALF_S: Final = 0.5e-3
-"""Half the time over which a mean acceleration is taken, as the planner takes it to compare it with its limit."""
+"""Half the averaging time of mean accelerations, as in the planner's check of its limit."""
 
 
 def draw_joints(sheet: Sheet, shown: ShownRun) -> None:
@@ -100,7 +101,7 @@ def _limits(joint: Joint) -> tuple[tuple[float, float], ...]:
 def _draw(
     axes: Axes, t_s: FloatArray, values: FloatArray, limits: tuple[float, float] | None, *, is_rate: bool
 ) -> None:
-    """Draw a quantity of one joint, with those limits that are near; 0 belongs to a speed or an acceleration."""
+    """Draw a quantity of one joint, with its near limits; speeds and accelerations also show 0."""
     axes.plot(t_s, values, color=COUNTED)
     if is_rate:
         axes.axhline(0.0, color="0.5", linewidth=0.6)

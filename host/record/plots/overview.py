@@ -30,14 +30,14 @@ ERROR_INCHES: Final = 1.4
 LANE_INCHES: Final = 0.42
 """Height of an axis' rates."""
 _POINTS: Final = 700
-"""Groups of intervals that are drawn of each axis."""
+"""Number of groups of intervals drawn for each axis."""
 
 _WORDS_CHARS: Final = 78
 _REASONS_MAX: Final = 4
 
 
 def draw_overview(sheet: Sheet, shown: ShownRun) -> None:
-    """Draw a panel below each other; a machine without a tool has no path."""
+    """Draw panels below each other; a machine without a tool has no path."""
     comparison = shown.comparison
     verdict, *reasons = verdict_words(shown.document)
     words = [line for reason in reasons[:_REASONS_MAX] for line in textwrap.wrap(reason, _WORDS_CHARS)]
@@ -62,7 +62,7 @@ def draw_overview(sheet: Sheet, shown: ShownRun) -> None:
 
 
 def _figures(document: Mapping[str, Any]) -> list[str]:
-    """Return the figures of a report in words; nothing for a machine that has not moved."""
+    """Return the figures of a report as text; empty for a machine that has not moved."""
     moving = [axis for axis in document.get("axes", ()) if axis["pulses"]]
     if not moving:
         return []
@@ -83,7 +83,7 @@ def _draw_path(axes: Axes, shown: ShownRun) -> None:
 
 
 def _draw_error(axes: Axes, shown: ShownRun) -> None:
-    """Draw the distance of the tool from its plan; without a tool, the largest error of all axes, with its limit."""
+    """Draw the tool's distance from its plan; without a tool, the largest error of all axes, with its limit."""
     comparison = shown.comparison
     tool = next((each for each in shown.other_errors if each.name == "tool"), None)
     if tool:
@@ -105,7 +105,7 @@ def _draw_error(axes: Axes, shown: ShownRun) -> None:
 
 
 def _draw_rates(axes: Axes, shown: ShownRun) -> None:
-    """Draw a lane for each moving axis, as high as its own greatest rate, which stands beside it."""
+    """Draw a lane for each moving axis, scaled to its own greatest rate, which is written beside it."""
     comparison, moving = shown.comparison, shown.moving
     planned = planned_rates(comparison, shown.planned_s)
     for lane, i in enumerate(moving):

@@ -1,4 +1,4 @@
-"""Say what a picture is, draw it and write it. Only drawing imports matplotlib."""
+"""Describe, draw and write a picture. Only drawing imports matplotlib."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -17,16 +17,16 @@ class Picture(NamedTuple):
 
     Attributes:
         name: name of its file, and of the picture on the command line.
-        title: what its heading says it is.
-        module: the module with its function `draw_NAME`, with `_` for `-`, which takes a Sheet and what it draws.
+        title: title in its heading.
+        module: module with its function `draw_NAME`, with `_` for `-`, which takes a Sheet and the subject.
         row_inches: height of a row of panels.
         columns: relative widths of the panels of a row.
-        heads: what stands above each column.
+        heads: title of each column.
         across: label with unit below each column.
-        above_inches: room above each row.
-        below_inches: room below each row.
-        of_tool: whether a machine without a tool has no such picture.
-        close_up: whether it shows the part of a run that a PlotView chooses.
+        above_inches: space above each row.
+        below_inches: space below each row.
+        of_tool: True if it needs a tool.
+        close_up: True if it shows the part of a run that a PlotView chooses.
     """
 
     name: str
@@ -44,12 +44,12 @@ class Picture(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PlotView:
-    """The part of a run that a user asks for; None leaves the choice to the picture.
+    """The part of a run to draw; None leaves the choice to the picture.
 
     Attributes:
         at_s: middle of a close-up.
         span_s: its width.
-        frames: whether the picture in space has the frames of base, joints and tool.
+        frames: True to draw the frames of base, joints and tool in space.
     """
 
     at_s: float | None = None
@@ -68,7 +68,7 @@ _UNDATED: Final[dict[str, dict[str, None]]] = {"png": {}, "svg": {"Date": None},
 
 
 def draw_picture(picture: Picture, run: RunInfo, subject: Any) -> "Figure":
-    """Return the figure of a picture; `subject` is what its function draws, such as a ShownRun."""
+    """Return the figure of a picture; `subject` is the argument of its function, such as a ShownRun."""
     from matplotlib import rc_context
 
     from steptwin.host.record.plots.canvas import SHEET_STYLE, Sheet
@@ -82,7 +82,7 @@ def draw_picture(picture: Picture, run: RunInfo, subject: Any) -> "Figure":
 def write_pictures(
     folder: Path, pictures: Iterable[Picture], run: RunInfo, subject: Any, form: str = "png"
 ) -> list[Path]:
-    """Draw pictures into a folder, made if missing; return the paths of the files."""
+    """Draw pictures into a folder, created if missing; return the paths of the files."""
     from matplotlib import rc_context
 
     from steptwin.host.record.plots.canvas import SHEET_STYLE, save_figure

@@ -1,4 +1,4 @@
-"""Hold a run as pictures draw it: what moves, its errors over time, and the part that a close-up shows."""
+"""A run prepared for pictures: moving axes, errors over time, and the part for close-ups."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ SAMPLES: Final = 2001
 """Number of instants when planned curves are drawn."""
 
 _ANGLES: Final = {"scara": "attitude", "direction": "direction", "position": ""}
-"""The angle by which a tool is turned from its plan, by its task; a tool without an orientation is never turned."""
+"""Angle of the tool's error, by its task; a tool without an orientation has none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,12 +29,12 @@ class PlotMoment:
 
     @property
     def from_s(self) -> float:
-        """Beginning of the part."""
+        """Start of the span."""
         return self.at_s - self.span_s / 2.0
 
     @property
     def to_s(self) -> float:
-        """End of the part."""
+        """End of the span."""
         return self.at_s + self.span_s / 2.0
 
     @property
@@ -49,13 +49,13 @@ class PlotMoment:
 
 
 def around(at_s: float, decimals: int = 4) -> str:
-    """Return the label of an axis of time that zooms in on an instant and shows milliseconds from it."""
+    """Return the label of a time axis in milliseconds around an instant."""
     return f"around t = {at_s:.{decimals}f} s, in ms"
 
 
 @dataclass(frozen=True, slots=True)
 class ErrorSeries:
-    """An error with its name and unit: t_s of shape (n,), values just before and after t_s of shape (2, n)."""
+    """An error with name and unit: t_s of shape (n,), values just before and after t_s of shape (2, n)."""
 
     name: str
     unit: str
@@ -64,13 +64,13 @@ class ErrorSeries:
 
     @property
     def edges(self) -> Int64Array:
-        """Indexes of the instants when the error jumps, because a step was counted."""
+        """Indexes of the instants with a jump of the error at a counted step."""
         return np.flatnonzero(self.values[0] != self.values[1])
 
 
 @dataclass(frozen=True)
 class ShownRun:
-    """A run and the part of it that a user asks for.
+    """A run and the part to draw.
 
     Attributes:
         comparison: plan and evidence.
@@ -84,7 +84,7 @@ class ShownRun:
 
     @cached_property
     def moving(self) -> list[int]:
-        """The axes that should have made a pulse or made one."""
+        """Axes with planned or made pulses."""
         return [
             i
             for i, evidence in enumerate(self.comparison.evidence.axes)
@@ -93,7 +93,7 @@ class ShownRun:
 
     @cached_property
     def still(self) -> str:
-        """A note that names the axes without motion and where they stand; empty if all move."""
+        """A note with the axes without motion and their positions; empty if all move."""
         expected = self.comparison.expected
         positions = expected.trajectory.positions(np.zeros(1))[0]
         joint_of, units = expected.coupling.joint_of, expected.joint_units
@@ -116,7 +116,7 @@ class ShownRun:
 
     @cached_property
     def drawn_s(self) -> FloatArray:
-        """Every instant when an error may be largest, and enough others to draw the curve between."""
+        """All instants with a possible maximum of an error, and enough others for the curve between."""
         return np.union1d(critical_instants(self.comparison), self.planned_s)
 
     @cached_property
@@ -147,10 +147,10 @@ class ShownRun:
         return axes, [*apart, *tools, *_tool_series("actual ", angle, t_s, [part.actual_tool for part in parts])]
 
     def moment(self, intervals: int) -> PlotMoment:
-        """Return the part to show: by default around the fastest pulses, `intervals` of their intervals long.
+        """Return the part to draw: by default `intervals` pulse intervals around the fastest pulses.
 
-        Pulses count whether the driver accepts them or not. At an instant that the user asks for, the axis that is
-        fastest there decides the span, which is never longer than the whole motion.
+        Pulses count whether the driver accepts them or not. At a user's instant, the fastest axis determines the span,
+        which is never longer than the whole motion.
         """
         at_s, span_s = self.view.at_s, self.view.span_s
         times = [pulse_times(self.comparison, i) for i in range(len(self.comparison.axis_names))]
@@ -164,7 +164,7 @@ class ShownRun:
 
 
 def _tool_series(which: str, angle: str, t_s: FloatArray, chunks: list[ToolDeviation | None]) -> list[ErrorSeries]:
-    """Return the errors of a tool, without that of an angle of no name; nothing without a tool."""
+    """Return the errors of a tool, without an angle if `angle` is empty; none without a tool."""
     parts = [part for part in chunks if part is not None]
     if not parts:
         return []
@@ -177,7 +177,7 @@ def _tool_series(which: str, angle: str, t_s: FloatArray, chunks: list[ToolDevia
 
 
 def pulse_times(comparison: Comparison, axis: int) -> FloatArray:
-    """Return when STEP rose, from the motion's start on, whether the driver counted the pulse or not."""
+    """Return the times of STEP's rises from the motion's start on, whether the driver counted them or not."""
     rises = comparison.evidence.axes[axis].clk_rise_counts - comparison.evidence.start_counts
     times_s: FloatArray = rises[rises >= 0] / COUNTS_PER_SECOND
     return times_s
@@ -190,7 +190,7 @@ def interval_around(times_s: FloatArray, at_s: float) -> float | None:
 
 
 def _before(times_s: FloatArray, at_s: float) -> int:
-    """Return the index of the pulse before an instant that has a next one, or of the nearest such pulse."""
+    """Return the index of the last pulse before an instant that has a next one, or of the nearest such pulse."""
     return int(np.clip(np.searchsorted(times_s, at_s) - 1, 0, times_s.size - 2))
 
 
@@ -206,7 +206,7 @@ def _shortest(comparison: Comparison, axis: int, times_s: FloatArray) -> tuple[f
 
 
 def accepted_rates(comparison: Comparison, axis: int) -> tuple[FloatArray, FloatArray]:
-    """Return middle and inverse of every interval between two successive steps of one direction, in s and 1/s."""
+    """Return middle and inverse of each interval between two successive steps of one direction, in s and 1/s."""
     counted = comparison.counted[axis]
     same_way = counted.signs[1:] == counted.signs[:-1]
     t_s = (counted.time_s[1:] + counted.time_s[:-1])[same_way] / 2.0

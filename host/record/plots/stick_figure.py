@@ -1,4 +1,4 @@
-"""Draw an arm as a stick figure in a view onto a plane, at some instants of a motion or at one position."""
+"""Draw an arm as a stick figure projected onto a plane, at some instants of a motion or at one position."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -12,9 +12,9 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.kinematics import ArmPart, Role
 
 BETWEEN: Final = "#c98a4b"
-"""Colour of the arm on its way: ochre, light beside the path in print."""
+"""Colour of the arm along its way: ochre, light beside the path in print."""
 AT_ENDS: Final = "#7a3d00"
-"""Colour of the arm at start and end: dark brown, so that neither is taken for the path."""
+"""Colour of the arm at start and end: dark brown, distinct from the path."""
 
 _WIDTHS: Final = {Role.GUIDE: 1.0, Role.SLIDE: 3.0, Role.LINK: 2.0, Role.TOOL: 1.2, Role.HAND: 1.2}
 
@@ -31,9 +31,9 @@ class Pen:
 def draw_arm(
     axes: Axes, links: Iterable[ArmPart], instants: Sequence[int], plane: FloatArray, pen: Pen, label: str = ""
 ) -> None:
-    """Draw the arm at some of the instants of its links, seen onto a plane; joints are dots.
+    """Draw the arm at some instants of its links, projected onto a plane; joints are dots.
 
-    Guides, which may be far longer than the arm, do not widen the view.
+    Guides, which may be far longer than the arm, do not enlarge the view.
 
     Args:
         axes: where to draw; with equal scales.
@@ -58,7 +58,7 @@ def draw_arm(
             solid_capstyle="round",
         )
         if link.role is Role.GUIDE:
-            axes.add_artist(line)  # unlike add_line it leaves the view as it is
+            axes.add_artist(line)  # unlike add_line it keeps the view
             continue
         if link.role is Role.LINK and label:
             line.set_label(label)

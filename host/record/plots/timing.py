@@ -1,7 +1,7 @@
-"""Draw how well steps keep time: how late edges are, how intervals jitter, and how long the chips' CLK lasts.
+"""Draw the timing of steps: lateness of edges, jitter of intervals, and durations of the chips' CLK.
 
-Lateness and jitter are against the ideal crossings. Limits and durations refer to the same signal, CLK, whichever edge
-of the board's STEP the driver counts.
+Lateness and jitter refer to the ideal crossings. Limits and durations refer to the same signal, CLK, whichever edge of
+the board's STEP the driver counts.
 """
 
 from itertools import groupby
@@ -21,16 +21,16 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND, COUNTS_PER_US
 
 LATENESS_BINS_PER_DECADE = 16
 LINEAR_US = 1e6 / COUNTS_PER_SECOND
-"""One count of the board's timer: no finer error can occur. The time axis is linear up to one count and logarithmic
-beyond, so that the histograms of fast and slow axes keep a shape on the same time axis, in spite of the few late edges
-near a reversal.
+"""One count of the board's timer: the smallest possible error. The time axis is linear up to one count and logarithmic
+beyond. So the histograms of fast and slow axes have a shape on the same time axis, in spite of the few late edges near
+a reversal.
 """
 LINEAR_DECADES = 0.5
 """Width of the linear part on each side, in decades."""
 
 
 def draw_timing(sheet: Sheet, shown: ShownRun) -> None:
-    """Draw a row for each moving axis, all with the same bins, which look equally wide on the time axis."""
+    """Draw a row for each moving axis, all with the same bins, equally wide on the time axis."""
     comparison, moving = shown.comparison, shown.moving
     rows = [row[0] for row in sheet.panels(len(moving), note=shown.still)]
     late_us = [comparison.timing_errors_us(i) for i in moving]
@@ -43,7 +43,7 @@ def draw_timing(sheet: Sheet, shown: ShownRun) -> None:
 
 
 def _lateness_bins_us(widest_us: float) -> FloatArray:
-    """Return borders of bins on both sides of zero that reach `widest_us` and leave the linear part."""
+    """Return bin borders on both sides of zero, from the linear part to `widest_us`."""
     decades = np.log10(max(widest_us / LINEAR_US, 1.0))
     bins = int(decades * LATENESS_BINS_PER_DECADE) + 1
     beyond_us = LINEAR_US * 10.0 ** (np.arange(1, bins + 1) / LATENESS_BINS_PER_DECADE)
@@ -69,7 +69,7 @@ def _lateness_summary(late_us: FloatArray) -> str:
 
 BINS = 81
 SMALLEST_RANGE_US = 0.02
-"""A little more than one count of the board's timer: finer jitter cannot occur."""
+"""A little more than one count of the board's timer, the smallest possible jitter."""
 
 
 def draw_jitter(sheet: Sheet, shown: ShownRun) -> None:
@@ -124,13 +124,13 @@ WIDTH_BINS_PER_DECADE: Final = 40
 _ROOM: Final = 1.4
 """Factor by which the picture extends beyond the least and the greatest duration."""
 _LABEL_PART: Final = 0.02
-"""Width of a limit's label, as a fraction of the picture; limits nearer to each other share a label."""
+"""Width of a limit's label, relative to the picture; closer limits share a label."""
 
 _EDGES: Final = {ActiveEdge.RISING: "rises", ActiveEdge.FALLING: "falls"}
 
 
 class _Durations(NamedTuple):
-    """One kind of duration of one axis, and its driver's least duration; None without a limit."""
+    """One kind of duration of one axis, and its driver's minimum; None without a limit."""
 
     name: str
     us: FloatArray
@@ -139,7 +139,7 @@ class _Durations(NamedTuple):
 
 
 def draw_widths(sheet: Sheet, shown: ShownRun) -> None:
-    """Draw a row for each moving axis over the same durations; dashed lines are limits, below which pulses get lost."""
+    """Draw a row for each moving axis over the same durations; dashed lines are limits, below them pulses get lost."""
     moving = [shown.comparison.evidence.axes[i] for i in shown.moving]
     rows = [row[0] for row in sheet.panels(len(moving), note=shown.still, band_lines=1)]
     durations = [_durations(axis) for axis in moving]
@@ -171,7 +171,7 @@ def _durations(axis: AxisEvidence) -> list[_Durations]:
 
 
 def _limit_us(axis: AxisEvidence, rule: str) -> float | None:
-    """Return the strictest limit of module and chip. A limit of one count is left out: no level on a pin is shorter."""
+    """Return the strictest limit of module and chip. A limit of one count is left out: no level is shorter."""
     limits_us = [limit.limit for limit in axis.violations.limits if limit.rule == rule]
     return max((limit_us for limit_us in limits_us if round(limit_us * COUNTS_PER_US) > 1), default=None)
 
@@ -198,7 +198,7 @@ def _draw_durations(axes: Axes, of_axis: list[_Durations], bins_us: FloatArray) 
 
 
 def _draw_duration_limits(axes: Axes, of_axis: list[_Durations], width_log: float) -> None:
-    """Draw a line for each limit; limits too near to each other share a label, with a line of text for each."""
+    """Draw a line for each limit; close limits share a label, with a line of text for each."""
     limits = sorted((one.limit_us, one.name) for one in of_axis if one.limit_us is not None)
     for limit_us, _ in limits:
         axes.axvline(limit_us, color=LIMIT, linestyle="--", linewidth=0.9)
@@ -211,7 +211,7 @@ def _draw_duration_limits(axes: Axes, of_axis: list[_Durations], width_log: floa
 
 
 def _margin(one: _Durations) -> str:
-    """Return the shortest duration in words, and its distance from the limit."""
+    """Return the shortest duration as text, with its distance from the limit."""
     if one.us.size == 0:
         return ""
     least_us = float(one.us.min())

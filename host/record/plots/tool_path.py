@@ -1,4 +1,4 @@
-"""Draw the tool's path, planned and counted: with the arm, with a magnified error, and the largest error close up."""
+"""Draw the tool's path, planned and counted: with the arm, with a magnified error, and its largest error close up."""
 
 from typing import Final
 
@@ -16,16 +16,16 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import Comparison
 
 WIDE_MM: Final = 1.0
-"""Least height of a panel in mm, deg or mm/s: below it rounding errors would look like motion."""
+"""Least height of a panel in mm, deg or mm/s; in a smaller one rounding errors would look like motion."""
 
 _NAMES: Final = {"phi": "attitude"}
 _TITLES: Final = {3: "position", 4: "position and attitude"}
-"""What the coordinates of a tool are, by their number; of one that turns in space they are more."""
+"""Titles of a tool's coordinates, by their number; a tool that turns in space has more."""
 _COLUMN: Final = 4
 """Rows of the right column: three axes of the tool, and the speed."""
 _AXES: Final = ("n, the tool's x axis", "o, its y axis", "a, its z axis")
 _STYLES: Final = ("-", "--", ":")
-"""Lines of the direction cosines with x, y and z, which colours alone would not tell apart in print."""
+"""Line styles of the direction cosines with x, y and z, for prints without colours."""
 
 
 def draw_tool_pose(sheet: Sheet, shown: ShownRun) -> None:
@@ -90,19 +90,19 @@ def _draw_speed(axes: Axes, t_s: FloatArray, planned_mm: FloatArray) -> None:
 
 INSTANTS: Final = 20_001
 CLOSE_ERRORS: Final = 4.0
-"""Half the width of the close view, as a multiple of the largest error."""
+"""Half the width of the close view, relative to the largest error."""
 
 FLAT_PART: Final = 0.01
-"""A coordinate that moves by less than this fraction of the widest one gets no view of its own."""
+"""Fraction of the widest coordinate's motion below which a coordinate gets no view of its own."""
 
 ARM_INSTANTS: Final = 7
-"""Number of instants when the arm is drawn, from start to end: more of them would cover the path."""
+"""Number of instants with a drawn arm, from start to end; more would hide the path."""
 
 LEAST_VIEW_MM: Final = 1.0
-"""Width of the view around a tool that stands still."""
+"""Width of the view around a tool at standstill."""
 
 Plane = tuple[int, int]
-"""Coordinates drawn across and up: 0 is x, 1 is y, 2 is z."""
+"""Coordinates drawn horizontally and vertically: 0 is x, 1 is y, 2 is z."""
 
 
 def draw_tool_path(sheet: Sheet, shown: ShownRun) -> None:
@@ -141,7 +141,7 @@ def draw_arm_and_path(axes: Axes, comparison: Comparison, path: PathError, view:
 
 
 def _links(comparison: Comparison) -> tuple[ArmPart, ...]:
-    """Return the arm's planned parts at some instants of the motion; nothing of an unknown robot."""
+    """Return the arm's planned parts at some instants of the motion; None for an unknown robot."""
     expected = comparison.expected
     if expected.robot is None:
         return ()
@@ -150,7 +150,7 @@ def _links(comparison: Comparison) -> tuple[ArmPart, ...]:
 
 
 def _draw_arm(axes: Axes, links: tuple[ArmPart, ...], view: Plane) -> None:
-    """Draw the arm on its way, then on top of it at the start and at the end."""
+    """Draw the arm along its way, then on top of it at the start and at the end."""
     between, start, end = Pen(BETWEEN, 0.45), Pen(AT_ENDS), Pen(AT_ENDS, style="--")
     draw_arm(axes, links, range(1, ARM_INSTANTS - 1), plane_of(*view), between)
     draw_arm(axes, links, [ARM_INSTANTS - 1], plane_of(*view), end, "arm at the end")
@@ -178,7 +178,7 @@ def _draw_whole(axes: Axes, path: PathError, view: Plane, gain: float, title: st
 
 
 def _draw_close(axes: Axes, path: PathError, view: Plane) -> None:
-    """Draw a window around the largest error, where single steps are visible."""
+    """Draw a window around the largest error, with single steps visible."""
     distances_mm = np.linalg.norm(path.errors_mm, axis=1)
     worst = int(distances_mm.argmax())
     half_mm = CLOSE_ERRORS * float(distances_mm[worst]) or 1.0

@@ -13,18 +13,18 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.record.plots.canvas import COUNTED, STYLE, WIDTH_INCHES, save_figure, write_inside
 from steptwin.host.record.plots.in_space import draw_cloud_in_space
 from steptwin.host.record.plots.stick_figure import AT_ENDS, Pen, draw_arm, plane_of
-from steptwin.host.robots.kinematics import ArmPart, make_kinematics
+from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.workspace import MonteCarlo, Scan, orientation_words
 
 CLOUD: Final = "0.6"
-"""Colour of samples: grey; drawn as small dots, so that the boundary stands out in print too."""
+"""Colour of samples: grey small dots, behind the boundary in print."""
 
 BOUNDARY: Final = COUNTED
-"""Colour of the boundary: dark; drawn as dots as close as a line."""
+"""Colour of the boundary: dark dots, as close as a line."""
 
 _WIDE: Final = 2.0
-"""If the view from above is wider than this multiple of its height, the side view is below, else beside it."""
+"""Aspect ratio of the view from above beyond which the side view is below it instead of beside it."""
 
 _HOME: Final = "arm at home"
 _HEADING_INCHES: Final = 0.9
@@ -81,13 +81,9 @@ def draw_workspace_3d(robot: Robot, cloud: MonteCarlo) -> Figure:
     return figure
 
 
-def _home_links(robot: Robot) -> tuple[ArmPart, ...]:
-    return make_kinematics(robot).links(np.array([robot.home]))
-
-
 def _draw_home(above: Axes, beside: Axes, robot: Robot, scanned: Scan) -> None:
-    """Draw the arm at home, from above, and seen onto the plane of the profile: its other side is at negative radii."""
-    links = _home_links(robot)
+    """Draw the arm at home, from above, and in the plane of the profile: its other side is at negative radii."""
+    links = make_kinematics(robot).links(np.array([robot.home]))
     draw_arm(above, links, [0], plane_of(0, 1), Pen(AT_ENDS), _HOME)
     azimuth_rad = np.deg2rad(scanned.profile.azimuth_deg)
     upright = np.array([[np.cos(azimuth_rad), 0.0], [np.sin(azimuth_rad), 0.0], [0.0, 1.0]])
@@ -98,13 +94,13 @@ def _draw_home(above: Axes, beside: Axes, robot: Robot, scanned: Scan) -> None:
 
 
 def _aspect(points_mm: FloatArray) -> float:
-    """Return height over width, 1 at most and without points."""
+    """Return height over width, at most 1, and 1 without points."""
     width_mm, height_mm = np.ptp(points_mm, axis=0) if len(points_mm) else (1.0, 1.0)
     return float(height_mm / width_mm) if width_mm > height_mm else 1.0
 
 
 def _panels(aspects: list[float]) -> tuple[Figure, list[Axes]]:
-    """Return a figure with two panels: stacked, as high as their contents, if the first is wide, else side by side."""
+    """Return a figure with two panels: stacked if the first one is wide, else side by side."""
     stacked = aspects[0] * _WIDE < 1.0
     heights_inches = [_DRAWN_INCHES * aspect + _LABELS_INCHES for aspect in aspects] if stacked else [_PANEL_INCHES]
     figure = Figure(figsize=(WIDTH_INCHES, sum(heights_inches) + _HEADING_INCHES), layout="constrained")

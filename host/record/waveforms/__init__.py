@@ -1,6 +1,6 @@
 """Write waveforms of a run's evidence for logic analysers, viewers and tables.
 
-`signal` makes signals of the evidence; `export` puts their changes in order of time and writes them.
+`signal` makes signals from the evidence; `export` sorts their changes by time and writes them.
 """
 
 from steptwin.host.record.waveforms.export import Format, write_waveform

@@ -1,12 +1,12 @@
 """Write a waveform file in any of the formats; the same run gives the same bytes.
 
-The changes of all signals are merged into one order of time, stretch by stretch, as text for millions of lines: columns
-of characters as uint8 matrices with a row for each line, where a 0 stands for no character.
+The changes of all signals are sorted by time, stretch by stretch. Texts for millions of lines are columns of
+characters: uint8 matrices with a row for each line; 0 means no character.
 
-Times of MCAP are nanoseconds since power-up. VCD files are value change dumps (IEEE 1364-2005, clause 18), which logic
-analysers and waveform viewers read. For sigrok a VCD file holds wires of one bit only, since sigrok's import stops at a
-wire of several bits. It also drops scopes, so names differ without them. Numbers and texts are variables of type `real`
-and `string`; GTKWave defines the latter.
+Times of MCAP are nanoseconds since power-up. VCD files are value change dumps (IEEE 1364-2005, clause 18) for logic
+analysers and waveform viewers. For sigrok a VCD file has only wires of one bit, since sigrok's import stops at a wire
+of several bits. It also drops scopes, so names differ without them. Numbers and texts are variables of type `real` and
+`string`; GTKWave defines the latter.
 """
 
 import json
@@ -54,7 +54,7 @@ _FOUR_DIGITS = _four_digits()
 
 
 def decimals(values: Int64Array) -> Text:
-    """Return whole numbers, not negative, as text of shape (n, width) without leading zeros."""
+    """Return whole numbers, not negative, as texts of shape (n, width) without leading zeros."""
     width = len(str(values.max(initial=0)))
     digits = padded_decimals(values, width)
     if values.size and values.min() >= 10 ** (width - 1):
@@ -82,12 +82,12 @@ def seconds(ns: Int64Array) -> Text:
 
 
 def constant(text: str, rows: int) -> Text:
-    """Return the same text in each row."""
+    """Return `rows` rows of the same text."""
     return np.tile(np.frombuffer(text.encode(), np.uint8), (rows, 1))
 
 
 def chosen(texts: Sequence[str], index: NDArray[np.integer]) -> Text:
-    """Return in each row the text of that index."""
+    """Return the text of each index, a row each."""
     rows: Text = matrix(texts)[index]
     return rows
 
@@ -115,12 +115,12 @@ def spelt(values: NDArray[np.generic], spell: Callable[[object], str]) -> Text:
 
 
 def lines(*columns: Text) -> bytes:
-    """Return the bytes of the columns side by side, row after row."""
+    """Return the bytes of adjacent columns, row after row."""
     return np.concatenate(columns, axis=1).tobytes().translate(None, b"\0")
 
 
 class TooFastForScaleError(InputError):
-    """Two changes of a wire fall on the same instant of a time scale."""
+    """Two changes of a wire have the same instant of a time scale."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,10 +139,10 @@ class Merged:
 
 
 def merged(signals: Sequence[Signal], window: Window, scale: TimeScale) -> Iterator[Merged]:
-    """Yield all changes after the window's beginning up to and including its end, without empty stretches.
+    """Yield all changes after the window's start up to and including its end; empty stretches are left out.
 
     Raises:
-        TooFastForScaleError: both ends of a wire's pulse or pause fall on the same instant of the scale.
+        TooFastForScaleError: both ends of a wire's pulse or pause have the same instant of the scale.
     """
     for after, until in stretches(signals, window, scale):
         parts = [_part(signal, window, scale, after, until) for signal in signals]
@@ -151,7 +151,7 @@ def merged(signals: Sequence[Signal], window: Window, scale: TimeScale) -> Itera
 
 
 def initial_values(signals: Sequence[Signal], window: Window) -> Text:
-    """Return the value of each signal at the beginning of the window, a row for each signal."""
+    """Return the value of each signal at the start of the window, a row each."""
     return stacked([_text(signal, np.array([signal.changes.at(window.from_counts)])) for signal in signals])
 
 
@@ -165,7 +165,7 @@ def _text(signal: Signal, values: Values) -> Text:
 
 
 def _part(signal: Signal, window: Window, scale: TimeScale, after: int, until: int) -> tuple[Int64Array, Text]:
-    """Return one signal's changes; the last one at an instant counts, but a wire must not have several there."""
+    """Return one signal's changes; the last one at an instant counts, but a wire must not have several."""
     counts, values = signal.changes.between(after, until)
     instants = scale.rounded(counts)
     again = np.flatnonzero(instants[1:] == instants[:-1])
@@ -191,7 +191,7 @@ HEADER: Final = "counts,t_s,signal,value\n"
 def csv(signals: Sequence[Signal], window: Window) -> Iterator[bytes]:
     """Yield a CSV file in pieces; columns: counts since power-up, motion time in seconds, signal, new value.
 
-    The first rows are the values of all signals at the beginning of the window.
+    The first rows are the values of all signals at the start of the window.
     """
     every = np.arange(len(signals))
     yield HEADER.encode()
@@ -231,7 +231,7 @@ _BEHIND: Final = {SignalKind.WIRE: "", SignalKind.REAL: " ", SignalKind.TEXT: " 
 
 _FIRST_CODE: Final = ord("!")
 _CODES: Final = 94
-"""Number of printable ASCII characters: codes are made of these."""
+"""Number of printable ASCII characters in codes."""
 
 
 def vcd(signals: Sequence[Signal], window: Window, scale: TimeScale, title: str) -> Iterator[bytes]:
@@ -290,7 +290,7 @@ _JSON_TYPES: Final = {SignalKind.WIRE: "integer", SignalKind.REAL: "number", Sig
 
 
 def write_mcap(file: BinaryIO, signals: Sequence[Signal], window: Window) -> None:
-    """Write the file; its first messages are the values of all signals at the beginning of the window.
+    """Write the file; its first messages are the values of all signals at the start of the window.
 
     Raises:
         InputError: the library is not installed.
@@ -324,17 +324,12 @@ def _schema(kind: SignalKind) -> tuple[str, str, bytes]:
 
 
 def _add(writer: Any, signals: Sequence[Signal], channels: list[int], part: Merged) -> None:
-    instants_ns = _nanoseconds(part.instants)
+    instants_ns: list[int] = NANOSECONDS.rounded(part.instants).tolist()
     texts = np.ascontiguousarray(part.values).view(f"S{part.values.shape[1]}").ravel().tolist()
     quotes = [b'"' if signal.kind is SignalKind.TEXT else b"" for signal in signals]
     for t_ns, which, text in zip(instants_ns, part.which.tolist(), texts, strict=True):
         quote = quotes[which]
         writer.add_message(channels[which], t_ns, b'{"value": ' + quote + text + quote + b"}", t_ns)
-
-
-def _nanoseconds(counts: Int64Array) -> list[int]:
-    instants_ns: list[int] = NANOSECONDS.rounded(counts).tolist()
-    return instants_ns
 
 
 class Format(StrEnum):
@@ -348,31 +343,31 @@ class Format(StrEnum):
 
     @property
     def file_name(self) -> str:
-        """Name of the file in a run's folder that holds the whole waveform."""
+        """Name of the file in a run's folder with the whole waveform."""
         return "trace-full.vcd" if self is Format.VCD_FULL else f"trace.{self}"
 
     @property
     def part_file_name(self) -> str:
-        """Name of the file in a run's folder that holds only some axes or a window."""
+        """Name of the file in a run's folder with some axes or a window."""
         stem, suffix = self.file_name.split(".")
         return f"{stem}-part.{suffix}"
 
     @property
     def wires_only(self) -> bool:
-        """True if the format holds only STEP, DIR, ENABLE, RESET and outputs; the other formats hold every signal."""
+        """True if the format has only STEP, DIR, ENABLE, RESET and outputs; other formats have every signal."""
         return self not in (Format.VCD_FULL, Format.MCAP)
 
 
 def write_waveform(
     path: Path, signals: Sequence[Signal], window: Window, form: Format, title: str, scale: TimeScale | None = None
 ) -> None:
-    """Write the file under the name given; on an error an older file of that name stays as it was.
+    """Write the file under its name; on an error an older file of that name is kept.
 
-    Without a time scale, a VCD file has the coarsest one that tells all changes of each wire apart: usually 1 us, a
-    finer one where a noisy wire has shorter pulses.
+    Without a time scale, a VCD file has the coarsest one that separates all changes of each wire: usually 1 us, a finer
+    one if a noisy wire has shorter pulses.
 
     Raises:
-        InputError: a pulse is too short for the time scale given, or the library for MCAP files is not installed.
+        InputError: a pulse is too short for the time scale, or the library for MCAP files is not installed.
         OSError: the file cannot be written.
     """
     *coarser, finest = SCALES.values() if scale is None else (scale,)

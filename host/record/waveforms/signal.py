@@ -1,6 +1,6 @@
-"""Make the signals of a run's evidence, with the window of the record that a file shows, and its time scale.
+"""Make the signals of a run's evidence, the window of a file, and its time scale.
 
-Each signal changes at instants, and is read in stretches so that memory stays small.
+Signals are read in stretches, which bounds the memory.
 """
 
 import re
@@ -28,9 +28,9 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 @dataclass(frozen=True, slots=True)
 class TimeScale:
-    """Unit of the instants in a file; instants are rounded to the nearest unit, so they are at most half a unit off.
+    """Unit of the instants in a file; instants are rounded to the nearest unit.
 
-    A number of units lasts exactly as long as a number of counts: 5 units of 100 ns are 36 counts of 72 MHz.
+    A number of units equals a number of counts exactly: 5 units of 100 ns are 36 counts of 72 MHz.
 
     Attributes:
         vcd: the unit in the syntax of VCD files.
@@ -52,7 +52,7 @@ class TimeScale:
         return int(self.rounded(np.array([counts], dtype=np.int64))[0])
 
     def last_counts(self, unit: int) -> int:
-        """Return the last count that is rounded to the unit or to an earlier one."""
+        """Return the last count that is rounded to `unit` or to an earlier one."""
         return -(-self.counts * (2 * unit + 1) // (2 * self.units)) - 1
 
 
@@ -61,8 +61,9 @@ SCALES: Final = {
     "100ns": TimeScale("100 ns", 5, 36),
     "10ns": TimeScale("10 ns", 25, 18),
 }
-"""Time scales by their names on the command line, the coarsest first: sigrok's time and memory for a file grow with the
-units in it, not with the changes. A count lasts 13.9 ns: at 10 ns no two counts share a unit."""
+"""Time scales by name on the command line, the coarsest first: sigrok's time and memory for a file grow with the units
+in it, not with the changes. A count lasts 13.9 ns: at 10 ns no two counts share a unit.
+"""
 
 COUNTS: Final = TimeScale("", 1, 1)
 """The scale without rounding."""
@@ -72,11 +73,11 @@ NANOSECONDS: Final = TimeScale("1 ns", 125, 9)
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """The part of a record that a file shows, in counts since power-up.
+    """Part of a record in a file, in counts since power-up.
 
     Attributes:
-        from_counts: beginning; a change at this instant is part of the initial values.
-        to_counts: end; a change at this instant is still shown.
+        from_counts: start; a change at this instant is part of the initial values.
+        to_counts: end; a change at this instant is included.
         start_counts: instant of the motion's t = 0.
     """
 
@@ -99,7 +100,7 @@ NO_COUNTS = np.empty(0, np.int64)
 _NEVER_COUNTS: Final = (1 << 63) - 1
 
 CHANGES_PER_STRETCH = 1 << 16
-"""Number of changes of one signal that are held as text at once."""
+"""Number of changes of one signal that are converted to text at once."""
 
 
 class SignalKind(Enum):
@@ -110,18 +111,18 @@ class SignalKind(Enum):
     REAL = "real"
     """A number."""
     TEXT = "text"
-    """An index of the signal's texts."""
+    """An index into the signal's texts."""
 
 
 class Changes(Protocol):
-    """The changes of a signal in order of time."""
+    """Changes of a signal in order of time."""
 
     def at(self, counts: int) -> int | float:
-        """Return the value at an instant, after a change at the instant itself."""
+        """Return the value at an instant, after any change at it."""
         ...
 
     def between(self, after: int, until: int) -> tuple[Int64Array, Values]:
-        """Return the instants of the changes in (after, until], each instant once, and the value after each."""
+        """Return each instant with changes in (after, until], and the value after it."""
         ...
 
     def before(self, counts: int) -> int | None:
@@ -133,13 +134,13 @@ class Changes(Protocol):
         ...
 
     def marks(self, every: int) -> Int64Array:
-        """Return instants between which lie at most `every` changes."""
+        """Return instants with at most `every` changes between two of them."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class HeldValues:
-    """Values that hold from an instant on; fulfils Changes.
+    """Values from an instant on; implements Changes.
 
     Attributes:
         counts: shape (n,), the instants, sorted.
@@ -186,7 +187,7 @@ class HeldValues:
 
 @dataclass(frozen=True, slots=True)
 class Pulses:
-    """A pin that is low at first and rises and falls in turn; fulfils Changes. Both arrays have shape (pulses,)."""
+    """A pin that is low at first and has pulses; implements Changes. Both arrays have shape (pulses,)."""
 
     rise_counts: Int64Array
     fall_counts: Int64Array
@@ -235,7 +236,7 @@ class Signal:
         quantity: name of the axis' pin or quantity, such as `step` or `position_deg`.
         kind: kind of the values.
         changes: the values over time.
-        texts: texts that the values of a text signal stand for.
+        texts: texts for the values of a text signal.
     """
 
     axis: str
@@ -256,7 +257,7 @@ class Signal:
 
 
 def stretches(signals: Sequence[Signal], window: Window, scale: TimeScale) -> Iterator[tuple[int, int]]:
-    """Yield pieces (after, until] of the window, where a signal changes at most CHANGES_PER_STRETCH times.
+    """Yield pieces (after, until] of the window with at most CHANGES_PER_STRETCH changes of each signal.
 
     No piece ends within a unit of the scale.
     """
@@ -275,7 +276,7 @@ _PDO_BYTES: Final = sum(ENTRIES[address].data_type.size for address in TPDO_DEFA
 def drive_states(log: Path, axes: int, frames: int | None = None) -> tuple[HeldValues, ...]:
     """Return the state of each axis' drive over time; its instants are those of the log, in whole microseconds.
 
-    With `frames`, only so many frames of the log are read.
+    `frames` limits the number of frames that are read.
 
     Raises:
         InputError: a line is not in candump's format (the message names file and line), or the lines are not in order.
@@ -293,7 +294,7 @@ def drive_states(log: Path, axes: int, frames: int | None = None) -> tuple[HeldV
 
 
 def _state(statusword: int) -> int:
-    """Return the index of the state; a statusword that matches no state is unknown."""
+    """Return the index of the state; a statusword without a state is unknown."""
     try:
         return STATES.index(State.of(statusword).name)
     except ValueError:
@@ -320,7 +321,7 @@ def pins(evidence: Evidence) -> list[Signal]:
 
 
 def everything(evidence: Evidence, robot: Robot, states: Sequence[HeldValues]) -> list[Signal]:
-    """Return for each axis the board's pins, the drive's state, the driver's count and phases, the joint's position."""
+    """Return for each axis its pins, drive state, driver's count, phases and joint position."""
     return [
         signal
         for i, (axis, joint, state) in enumerate(zip(evidence.axes, robot.axes, states, strict=True))
@@ -355,9 +356,9 @@ def _count(axis: AxisEvidence) -> HeldValues:
 
 
 def _position(evidence: Evidence, robot: Robot, axis: int) -> HeldValues:
-    """Return the position of an axis' joint, which changes with the steps of every axis on which it depends.
+    """Return the position of an axis' joint, which changes with the steps of all axes that move it.
 
-    At the axis of a second motor it is where this motor has its end of the joint.
+    For a second motor's axis, it is the position of its end of the joint.
     """
     of_joint = axis == robot.coupling.joint_of(axis)
     elements = robot.coupling.axes_of(axis) if of_joint else robot.coupling.travel_of(axis)
@@ -378,7 +379,7 @@ def _motor_position(axis: AxisEvidence, joint: Joint) -> FloatArray:
 
 
 def phases(axis: AxisEvidence) -> Iterator[Signal]:
-    """Yield the field's electrical angle, 360 deg in four full steps, and the currents that the driver regulates to."""
+    """Yield the field's electrical angle, 360 deg in four full steps, and the regulated currents."""
     set_at = axis.phases
     angle_deg = set_at.substeps * (90.0 / set_at.per_full_step)
     yield Signal(axis.name, "angle_deg", SignalKind.REAL, HeldValues(set_at.counts, angle_deg))

@@ -5,7 +5,8 @@ from functools import partial
 from typing import Final
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_models import FileTable, Positive, check_limits
+from steptwin.host.common.file_models import FileTable
+from steptwin.host.common.file_values import Positive, check_limits
 from steptwin.host.common.findings import check_all
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics.base import dimension, read_geometry, require_joints
@@ -88,9 +89,6 @@ class WarehouseGeometry(FileTable):
     L4_mm: float = dimension("tip of the tool below the arm", 40.0)
     L5_mm: float = dimension("tip of the tool beside the wrist's axis", 40.0)
 
-    def __post_init__(self) -> None:
-        check_limits(self)
-
     @property
     def joints(self) -> dict[str, Unit]:
         """The joints' names and units, along the chain."""
@@ -141,9 +139,6 @@ class TeachingGeometry(FileTable):
     l2_mm: Positive = dimension("second link, from elbow to wrist", 100.0)
     d4_mm: float = dimension("tip of the tool above the arm, negative below it", -40.0)
 
-    def __post_init__(self) -> None:
-        check_limits(self)
-
     @property
     def joints(self) -> dict[str, Unit]:
         """The joints' names and units, along the chain."""
@@ -188,9 +183,6 @@ class LabGeometry(FileTable):
     a2_mm: Positive = dimension("first link, from shoulder to elbow", 400.0)
     a3_mm: Positive = dimension("second link, from elbow to wrist", 400.0)
     d5_mm: float = dimension("tip of the tool below the arm", 150.0)
-
-    def __post_init__(self) -> None:
-        check_limits(self)
 
     @property
     def joints(self) -> dict[str, Unit]:

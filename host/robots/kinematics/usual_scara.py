@@ -15,7 +15,8 @@ from functools import partial
 from typing import Final
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_models import FileTable, Positive, check_limits
+from steptwin.host.common.file_models import FileTable
+from steptwin.host.common.file_values import Positive, check_limits
 from steptwin.host.common.findings import check_all
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics.base import dimension, read_geometry, require_joints

@@ -1,4 +1,4 @@
-"""Poses of tools: what each kind of tool can be told, orientations as people write them, and rotations."""
+"""Poses of tools: tasks of tools, notations of orientations, and rotations."""
 
 from steptwin.host.robots.poses.rotations import (
     COLUMNS,

@@ -1,4 +1,4 @@
-"""Where a robot's base stands in its station, the frame of all poses that a user gives and gets."""
+"""Frame of a robot's base in its station, whose frame is that of all poses for users."""
 
 from dataclasses import dataclass
 from typing import Annotated, Final
@@ -6,7 +6,8 @@ from typing import Annotated, Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.common.file_models import FileTable, Within, check_limits
+from steptwin.host.common.file_models import FileTable
+from steptwin.host.common.file_values import Within
 
 PLACE_MAX_MM: Final = 100_000.0
 """Farthest place of a base along each axis: 100 m."""
@@ -19,7 +20,7 @@ _Place = Annotated[float, Within(-PLACE_MAX_MM, PLACE_MAX_MM, "mm")]
 
 @dataclass(frozen=True, slots=True)
 class BaseFrame(FileTable):
-    """The base's place x, y, z and its turn phi about the vertical, in the station's frame; by default they are one.
+    """Position x, y, z of the base in the station's frame, and its rotation phi about the vertical; by default all 0.
 
     Source: the transform S_0T of H. Wang, B. Yin, R. Luo, X. Wang, "Mechanism design and kinematics analysis of 4-dof
     SCARA robot system", J. Mechanical & Electrical Engineering 36(12), 2019, equation 6.
@@ -33,9 +34,6 @@ class BaseFrame(FileTable):
     z_mm: _Place = 0.0
     phi_deg: Annotated[float, Within(-TURN_MAX_DEG, TURN_MAX_DEG, "deg")] = 0.0
 
-    def __post_init__(self) -> None:
-        check_limits(self)
-
     @property
     def matrix(self) -> FloatArray:
         """Shape (4, 4): the homogeneous transform S_0T from the base's frame to the station's, lengths in mm."""
@@ -45,11 +43,11 @@ class BaseFrame(FileTable):
         )
 
     def in_station(self, points_mm: FloatArray) -> FloatArray:
-        """Return points of shape (..., 3), given in the base's frame, in the station's."""
+        """Convert points of shape (..., 3) from the base's frame to the station's."""
         if self == STATION:
             return points_mm
         return np.asarray(points_mm @ self.matrix[:3, :3].T + self.matrix[:3, 3])
 
 
 STATION: Final = BaseFrame()
-"""The base at the station's own origin, not turned."""
+"""Base at the station's origin without rotation."""

@@ -1,4 +1,4 @@
-"""Rotations as unit quaternions, arrays of shape (..., 4) in the order x y z w, and the notations that people write.
+"""Rotations as unit quaternions, arrays of shape (..., 4) in the order x y z w, and their notations.
 
 A quaternion and its negative are the same rotation. Angles of the notations are in degrees. Formulas: B. Siciliano et
 al., "Robotics: Modelling, Planning and Control", sections 2.4 to 2.6. A notation is a key that carries the convention,
@@ -10,7 +10,7 @@ rotvec_deg        the axis, as long as the angle                            UR's
 quaternion_xyzw   a unit quaternion, its scalar last                        ROS
 direction         where the tool's z axis points, for arms of five axes
 
-In the columns of a table each number has a name of its own, which says its part: COLUMNS.
+In the columns of a table each number has a name of its own: COLUMNS.
 """
 
 from collections.abc import Callable
@@ -28,7 +28,7 @@ DIRECTION: Final = "direction"
 
 
 def wrapped_deg(angle_deg: FloatArray) -> FloatArray:
-    """Return the same angles in (-180, 180]; an angle that is already there does not change by a bit, NaN stays NaN.
+    """Return the angles in (-180, 180]; an angle in that range is not changed at all, and NaN stays NaN.
 
     The others become 180 - (180 - angle) % 360. NaN, of poses out of reach, is left out: its remainder takes longest.
     """
@@ -39,7 +39,7 @@ def wrapped_deg(angle_deg: FloatArray) -> FloatArray:
 
 
 def product(second: FloatArray, first: FloatArray) -> FloatArray:
-    """Return the rotations that turn by `first`, then by `second`, both about the axes of the fixed frame."""
+    """Return the rotations by `first`, then by `second`, both about the axes of the fixed frame."""
     ax, ay, az, aw = np.moveaxis(second, -1, 0)
     bx, by, bz, bw = np.moveaxis(first, -1, 0)
     return np.stack(
@@ -54,7 +54,7 @@ def product(second: FloatArray, first: FloatArray) -> FloatArray:
 
 
 def reversed_rotation(rotation: FloatArray) -> FloatArray:
-    """Return the rotations back."""
+    """Return the inverse rotations."""
     return np.asarray(rotation * np.array([-1.0, -1.0, -1.0, 1.0]))
 
 
@@ -121,7 +121,7 @@ def rpy_deg(rotation: FloatArray) -> FloatArray:
 
 
 def matrix(rotation: FloatArray) -> FloatArray:
-    """Return the rotation matrices, of shape (..., 3, 3), whose columns are the turned axes."""
+    """Return the rotation matrices, of shape (..., 3, 3); their columns are the rotated axes."""
     x, y, z, w = np.moveaxis(rotation, -1, 0)
     rows = [
         [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
@@ -166,7 +166,7 @@ _READ: Final[dict[str, tuple[int, _Convert, _Convert]]] = {
     "rotvec_deg": (3, of_rotation_vector, rotation_vector_deg),
     "abc_deg": (3, lambda values: of_rpy_deg(values[..., ::-1]), lambda rotation: rpy_deg(rotation)[..., ::-1]),
 }
-"""How many numbers each key has, the rotation that they are, and the numbers that are a rotation."""
+"""For each key: number of values, conversion to a rotation, and conversion back."""
 
 ORIENTATIONS: Final = (*_READ, DIRECTION)
 """The keys of an orientation; a pose has at most one of them."""
@@ -178,10 +178,10 @@ COLUMNS: Final[dict[str, dict[str, str]]] = {
     "abc_deg": {"abc_a": "deg", "abc_b": "deg", "abc_c": "deg"},
     DIRECTION: {"dx": "", "dy": "", "dz": ""},
 }
-"""The names of an orientation's columns and their units, by its key."""
+"""Names of an orientation's columns and their units, by its key."""
 
 NORM_OFF_MAX: Final = 1e-3
-"""Distance from 1 by which the length of a quaternion may be rounded; it is made 1."""
+"""Largest rounding error of a quaternion's length; it is normalised."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,7 +209,7 @@ class Orientation:
 
     @classmethod
     def of(cls, key: str, rotation: FloatArray) -> "Orientation":
-        """Return a rotation, a unit quaternion of shape (4,), under a key that says the whole rotation."""
+        """Return a rotation, a unit quaternion of shape (4,), under a key for whole rotations."""
         return cls(key, tuple((_READ[key][2](rotation) + 0.0).tolist()))
 
     def __str__(self) -> str:
@@ -217,7 +217,7 @@ class Orientation:
 
     @property
     def rotation(self) -> FloatArray:
-        """The unit quaternion, of shape (4,); only for a key that says the whole rotation."""
+        """Unit quaternion of shape (4,); only for a key for whole rotations."""
         return orientations_of(self.key, np.array(self.values))
 
     @property
@@ -229,7 +229,7 @@ class Orientation:
 
 
 def have_right_length(key: str, values: FloatArray) -> BoolArray:
-    """Return, of shape (...), whether a key's numbers, of shape (..., count), are as long as they must be."""
+    """Return, of shape (...), whether values of a key, of shape (..., count), have the right length."""
     length = np.linalg.norm(values, axis=-1)
     if key == "quaternion_xyzw":
         return np.asarray(np.abs(length - 1.0) <= NORM_OFF_MAX)
@@ -237,5 +237,5 @@ def have_right_length(key: str, values: FloatArray) -> BoolArray:
 
 
 def orientations_of(key: str, values: FloatArray) -> FloatArray:
-    """Return unit quaternions (..., 4), or unit vectors (..., 3) of directions, of a key's numbers (..., count)."""
+    """Return unit quaternions (..., 4), or unit vectors (..., 3) of directions, from a key's values (..., count)."""
     return _unit(values) if key == DIRECTION else _READ[key][1](values)

@@ -1,15 +1,15 @@
-"""What a mechanism's tool can be told, and so what a row of an array of poses means.
+"""Tasks of tools: the meaning of a row of an array of poses.
 
-Every pose begins with x, y and z in mm in the station's frame, where the robot's base stands. Then, by the task:
+Every pose begins with x, y and z in mm in the station's frame. Then, by the task:
 
     scara       phi, the tool's turn about the vertical in degrees
     position    nothing
-    direction   the unit vector of the tool's z axis, along which it approaches: the spin about it follows from the arm
+    direction   the unit vector of the tool's z axis, its approach; the spin about it follows from the arm
     pose        the rotation as a unit quaternion x y z w
     no tool     not even x, y and z: a machine without a tool has no poses
 
-Tool velocities are the derivatives of x, y, z and phi per second; of tools that turn in space, those of x, y and z and
-the turning about the station's axes in degrees per second.
+Tool velocities are the derivatives of x, y, z and phi per second. For tools that turn in space, they are those of x, y
+and z, and the angular velocity about the station's axes in degrees per second.
 """
 
 from abc import ABC
@@ -41,21 +41,21 @@ Pose = tuple[float, ...]
 """A row of a pose array."""
 
 PoseDocument = dict[str, float | list[float]]
-"""A pose under the keys of documents, which are those of files: x_mm, y_mm, z_mm and the orientation."""
+"""A pose under the keys of documents and files: x_mm, y_mm, z_mm and the orientation."""
 
 PLACE: Final = {"x": "mm", "y": "mm", "z": "mm"}
-"""The coordinates with which every pose begins, and their units."""
+"""Coordinates at the start of every pose, and their units."""
 _TURNS: Final = {"rx": "deg", "ry": "deg", "rz": "deg"}
 TURNS: Final = tuple(_TURNS)
-"""The names of turns about axes."""
+"""Names of rotations about axes."""
 
 STEP_NAMES: Final = (*PLACE, "phi", *_TURNS)
-"""The names of the tool's steps, whatever its task: along the station's axes, by phi, or about the station's axes."""
+"""Names of a tool's steps of all tasks: along the station's axes, by phi, or about the station's axes."""
 
 SPIN_OFF_MAX: Final = 1e-6
-"""Sine of the angle to a direction up to which a turn is one about it."""
+"""Sine of the largest angle to a direction for a rotation about it."""
 HALF_TURN_DEG: Final = 179.999
-"""Angle from which on the way of a turn is not certain."""
+"""Angle from which on the sense of a rotation is ambiguous."""
 
 
 class Task(ABC):
@@ -65,11 +65,11 @@ class Task(ABC):
         name: its name in robot files.
         width: columns of a pose.
         rates: columns of a tool velocity.
-        coordinates: unit of each coordinate, by its name, as columns of files and fields of forms have them.
+        coordinates: unit of each coordinate, by its name, for columns of files and fields of forms.
         steps: unit of each step of the tool, by its name.
         keys: names of the coordinates in documents.
-        key: key of the orientation that the coordinates say; empty for tasks that are flat.
-        is_flat: True if a straight way is straight in every column.
+        key: key of the coordinates' orientation; empty for flat tasks.
+        is_flat: True if a straight motion is straight in every column.
     """
 
     name: ClassVar[str]
@@ -86,7 +86,7 @@ class Task(ABC):
         return _task_of, (self.name,)
 
     def off_deg(self, poses: FloatArray, planned: FloatArray) -> FloatArray:
-        """Return the angles, of shape (...), by which poses of shape (..., width) are turned from planned ones."""
+        """Return the angles, of shape (...), between poses of shape (..., width) and planned ones."""
         return np.zeros(np.broadcast_shapes(poses.shape, planned.shape)[:-1])
 
     def figures(self, poses: FloatArray) -> FloatArray:
@@ -98,7 +98,7 @@ class Task(ABC):
         return figures
 
     def unwrapped(self, figures: FloatArray) -> FloatArray:
-        """Return coordinates over time, of shape (n, coordinates), whose angles do not jump by a whole turn."""
+        """Return coordinates over time, of shape (n, coordinates), with angles without jumps by a whole turn."""
         turning = [unit == "deg" for unit in self.coordinates.values()]
         return np.where(turning, np.unwrap(figures, period=360.0, axis=0), figures)
 
@@ -107,12 +107,12 @@ class Task(ABC):
         return dict(zip(self.keys, np.asarray(pose).tolist(), strict=True))
 
     def words(self, pose: FloatArray | Sequence[float]) -> str:
-        """Return a pose in words."""
+        """Return a pose as text."""
         x_mm, y_mm, z_mm = (np.round(pose[:3], 9) + 0.0).tolist()  # without the dust of products
         return f"x {x_mm:g}, y {y_mm:g}, z {z_mm:g} mm"
 
     def changed(self, pose: Pose, coordinates: Mapping[str, float], orientation: Orientation | None) -> Pose:
-        """Return a pose with some coordinates changed; raise InputError for what the tool cannot be told."""
+        """Return a pose with some coordinates changed; raise InputError for those that the tool does not have."""
         self.check(coordinates, orientation)
         columns = np.array(pose)
         for i, name in enumerate(PLACE):
@@ -122,11 +122,11 @@ class Task(ABC):
         return tuple(columns.tolist())
 
     def told(self, figures: Mapping[str, float]) -> tuple[dict[str, float], Orientation | None]:
-        """Return coordinates by their names as `changed` takes them."""
+        """Return coordinates by name for `changed`."""
         return dict(figures), None
 
     def check(self, coordinates: Mapping[str, float], orientation: Orientation | None) -> None:
-        """Raise InputError for a coordinate or an orientation that the tool cannot be told."""
+        """Raise InputError for a coordinate or an orientation that the tool does not have."""
         for name in coordinates:
             if name not in self.coordinates:
                 raise InputError(f"{name}: {self._not_told}")
@@ -134,11 +134,11 @@ class Task(ABC):
             self.oriented(orientation)
 
     def oriented(self, orientation: Orientation) -> FloatArray:
-        """Return the columns of a pose behind x, y and z; raise InputError unless the tool can be told so."""
+        """Return the columns of a pose after x, y and z; raise InputError if the tool has no such orientation."""
         raise InputError(f"{orientation.key}: {self._not_told}")
 
     _not_told: ClassVar[str]
-    """Why another orientation is refused, and what is right."""
+    """Reason for refusing another orientation, with the remedy."""
 
     def check_steps(self, names: Iterable[str]) -> None:
         """Raise InputError for a step that the tool cannot make."""
@@ -158,27 +158,27 @@ class Task(ABC):
         return tuple(columns.tolist())
 
     def carried(self, rotation: FloatArray, orientation: FloatArray) -> FloatArray:
-        """Return orientations after rotations about the station's axes; only of tasks that are not flat."""
+        """Return orientations after rotations about the station's axes; not for flat tasks."""
         raise NotImplementedError
 
     def is_spin(self, orientation: FloatArray, turn_deg: FloatArray) -> bool:
-        """Return whether a turn, as a rotation vector, changes nothing that the tool can be told."""
+        """Return whether a rotation vector changes no coordinate of the tool."""
         del orientation, turn_deg
         return False
 
     def turn_between_deg(self, start: FloatArray, goal: FloatArray) -> FloatArray:
-        """Return the shortest turn between two orientations as a rotation vector; only of tasks that are not flat."""
+        """Return the shortest rotation between two orientations as a rotation vector; not for flat tasks."""
         raise NotImplementedError
 
     def turning_deg(self, orientation: FloatArray, derivative: FloatArray) -> FloatArray:
-        """Return the turning about the station's axes, of shape (n, 3), of orientations of length 1 that change so.
+        """Return the angular velocities about the station's axes, of shape (n, 3), from derivatives of orientations.
 
-        Only of tasks that are not flat.
+        Not for flat tasks.
         """
         raise NotImplementedError
 
     def continued(self, poses: FloatArray) -> FloatArray:
-        """Return poses of shape (n, width) whose columns go on from each to the next without a jump."""
+        """Return poses of shape (n, width) with columns that continue without jumps."""
         return poses
 
 
@@ -200,7 +200,7 @@ class NoTool(Task):
 
 
 class PositionTask(Task):
-    """The task of a tool that can be brought to a place, and whose orientation follows or never changes."""
+    """Task of a tool with a position and a dependent or constant orientation."""
 
     name: ClassVar[str] = "position"
     width: ClassVar[int] = 3
@@ -212,7 +212,7 @@ class PositionTask(Task):
 
 
 class ScaraTask(Task):
-    """The task of a SCARA's tool: a place, and a turn about the vertical, NaN where it follows from the arm."""
+    """Task of a SCARA's tool: a position, and a rotation about the vertical, NaN if it follows from the arm."""
 
     name: ClassVar[str] = "scara"
     width: ClassVar[int] = 4
@@ -223,16 +223,16 @@ class ScaraTask(Task):
     _not_told = "the tool of this robot turns about the vertical alone: its orientation is phi, in degrees"
 
     def off_deg(self, poses: FloatArray, planned: FloatArray) -> FloatArray:
-        """Return the differences of phi, with their signs."""
+        """Return the differences of phi, with sign."""
         return wrapped_deg(poses[..., 3] - planned[..., 3])
 
     def words(self, pose: FloatArray | Sequence[float]) -> str:
-        """Return a pose in words, without a phi that is NaN because it follows from the arm."""
+        """Return a pose as text, without a phi that is NaN because it follows from the arm."""
         attitude = "" if isnan(pose[3]) else f", phi {pose[3]:g} deg"
         return f"{super().words(pose)}{attitude}"
 
     def continued(self, poses: FloatArray) -> FloatArray:
-        """Return poses each of which turns on from the one before."""
+        """Return poses with phi continuing from one to the next."""
         return np.column_stack([poses[:, :3], np.unwrap(poses[:, 3], period=360.0)])
 
     def changed(self, pose: Pose, coordinates: Mapping[str, float], orientation: Orientation | None) -> Pose:
@@ -247,7 +247,7 @@ class ScaraTask(Task):
 
 
 class DirectionTask(Task):
-    """The task of an arm of five axes: a place, and the tool's direction."""
+    """Task of an arm of five axes: a position, and the tool's direction."""
 
     name: ClassVar[str] = "direction"
     width: ClassVar[int] = 6
@@ -266,16 +266,16 @@ class DirectionTask(Task):
         return np.asarray(np.rad2deg(np.arctan2(sine, np.sum(first * second, axis=-1))))
 
     def of_figures(self, figures: FloatArray) -> FloatArray:
-        """Return the poses, their directions of length 1."""
+        """Return the poses with normalised directions."""
         length = np.linalg.norm(figures[..., 3:], axis=-1, keepdims=True)
         return np.concatenate([figures[..., :3], figures[..., 3:] / length], axis=-1)
 
     def told(self, figures: Mapping[str, float]) -> tuple[dict[str, float], Orientation | None]:
-        """Return the place, and the other coordinates as a direction."""
+        """Return the position, and the other coordinates as a direction."""
         return _told(figures, self.key)
 
     def document(self, pose: FloatArray | Sequence[float]) -> PoseDocument:
-        """Return place and direction under the keys with which they are written."""
+        """Return position and direction under the keys of files."""
         columns = np.asarray(pose).tolist()
         return {**dict(zip(self.keys[:3], columns[:3], strict=True)), DIRECTION: columns[3:]}
 
@@ -284,7 +284,7 @@ class DirectionTask(Task):
         return f"{super().words(pose)}, direction {' '.join(f'{value:g}' for value in pose[3:])}"
 
     def oriented(self, orientation: Orientation) -> FloatArray:
-        """Return the direction; raise InputError for a whole rotation, whose spin the arm cannot choose."""
+        """Return the direction; raise InputError for a whole rotation, since the arm cannot choose its spin."""
         if orientation.key != DIRECTION:
             numbers = ", ".join(f"{value:.6g}" for value in (np.round(orientation.direction, 6) + 0.0).tolist())
             raise InputError(
@@ -298,23 +298,23 @@ class DirectionTask(Task):
         return turned(orientation, rotation)
 
     def is_spin(self, orientation: FloatArray, turn_deg: FloatArray) -> bool:
-        """Return whether the turn is about the direction itself, to a millionth."""
+        """Return whether the rotation is about the direction itself, to a millionth."""
         return bool(np.linalg.norm(np.cross(orientation, turn_deg)) <= SPIN_OFF_MAX * np.linalg.norm(turn_deg))
 
     def turn_between_deg(self, start: FloatArray, goal: FloatArray) -> FloatArray:
-        """Return the turn in the plane of both directions."""
+        """Return the rotation in the plane of both directions."""
         across = np.cross(start, goal)
         sine = float(np.linalg.norm(across))
         degrees = float(np.rad2deg(np.arctan2(sine, start @ goal)))
         return np.asarray(across / sine * degrees if sine else np.zeros(3) if degrees == 0.0 else [degrees, 0.0, 0.0])
 
     def turning_deg(self, orientation: FloatArray, derivative: FloatArray) -> FloatArray:
-        """Return the turning in the plane in which the direction changes."""
+        """Return the angular velocity in the plane of the direction's change."""
         return np.asarray(np.rad2deg(np.cross(orientation, derivative)))
 
 
 class PoseTask(Task):
-    """The task of a tool that can be brought to any place in any orientation."""
+    """Task of a tool with any position and orientation."""
 
     name: ClassVar[str] = "pose"
     width: ClassVar[int] = 7
@@ -327,7 +327,7 @@ class PoseTask(Task):
     _not_told = "the tool of this robot turns in space: its orientation is rpy_deg = [roll, pitch, yaw] or another key"
 
     def off_deg(self, poses: FloatArray, planned: FloatArray) -> FloatArray:
-        """Return the angles of the one rotation from the planned orientations to the others."""
+        """Return the angles of the single rotations from the planned orientations."""
         return angle_deg(planned[..., 3:], poses[..., 3:])
 
     def figures(self, poses: FloatArray) -> FloatArray:
@@ -339,11 +339,11 @@ class PoseTask(Task):
         return np.concatenate([figures[..., :3], of_rpy_deg(figures[..., 3:])], axis=-1)
 
     def told(self, figures: Mapping[str, float]) -> tuple[dict[str, float], Orientation | None]:
-        """Return the place, and roll, pitch and yaw as an orientation."""
+        """Return the position, and roll, pitch and yaw as an orientation."""
         return _told(figures, self.key)
 
     def document(self, pose: FloatArray | Sequence[float]) -> PoseDocument:
-        """Return place, roll, pitch and yaw, and the quaternion, its scalar not negative."""
+        """Return position, roll, pitch and yaw, and the quaternion with a scalar not below 0."""
         columns = np.asarray(pose)
         quaternion = -columns[3:] if columns[6] < 0.0 else columns[3:]
         return {
@@ -368,15 +368,15 @@ class PoseTask(Task):
         return product(rotation, orientation)
 
     def turn_between_deg(self, start: FloatArray, goal: FloatArray) -> FloatArray:
-        """Return the one rotation that leads from start to goal."""
+        """Return the rotation from start to goal."""
         return rotation_vector_deg(product(goal, reversed_rotation(start)))
 
     def turning_deg(self, orientation: FloatArray, derivative: FloatArray) -> FloatArray:
-        """Return the turning by the vector part of 2 q' q*."""
+        """Return the angular velocity: the vector part of 2 q' q*."""
         return np.asarray(np.rad2deg(2.0 * product(derivative, reversed_rotation(orientation))[:, :3]))
 
     def continued(self, poses: FloatArray) -> FloatArray:
-        """Return poses with that sign of each quaternion that is nearer to the one before."""
+        """Return poses with each quaternion's sign nearer to the one before."""
         turned_back = np.sum(poses[1:, 3:] * poses[:-1, 3:], axis=1) < 0.0
         signs = np.where(np.logical_xor.accumulate([False, *turned_back]), -1.0, 1.0)
         return np.column_stack([poses[:, :3], poses[:, 3:] * signs[:, np.newaxis]])
@@ -403,12 +403,12 @@ def _task_of(name: str) -> Task:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Turning:
-    """A turn of the tool at a steady rate about one axis of the station; made by `shortest` or with any angle.
+    """A rotation of the tool at a steady rate about one axis of the station; made by `shortest` or with any angle.
 
     Attributes:
         task: task of the tool.
-        start: orientation at the start, the columns of a pose behind x, y and z.
-        turn_deg: shape (3,), the whole turn as a rotation vector.
+        start: orientation at the start, the columns of a pose after x, y and z.
+        turn_deg: shape (3,), the whole rotation as a rotation vector.
     """
 
     task: Task
@@ -417,7 +417,7 @@ class Turning:
 
     @classmethod
     def shortest(cls, task: Task, start: Pose, goal: Pose) -> "Turning":
-        """Return the shortest turn between two poses; raise InputError where it is not certain, at half a turn."""
+        """Return the shortest rotation between two poses; raise InputError if it is ambiguous, at half a turn."""
         first = np.array(start[3:])
         turn = cls(task, first, task.turn_between_deg(first, np.array(goal[3:])))
         if turn.angle_deg > HALF_TURN_DEG:
@@ -433,7 +433,7 @@ class Turning:
         return float(np.linalg.norm(self.turn_deg))
 
     def at(self, part: FloatArray) -> FloatArray:
-        """Return the orientations at parts of the turn of shape (n,), from 0 to 1, shape (n, columns)."""
+        """Return the orientations at fractions of the rotation of shape (n,), from 0 to 1, shape (n, columns)."""
         if not self.turn_deg.any():
             return np.tile(self.start, (len(part), 1))
         return self.task.carried(of_rotation_vector(part[:, np.newaxis] * self.turn_deg), self.start)

@@ -1,9 +1,9 @@
-"""Find the pose nearest to one out of reach that a robot reaches: what a refusal says would pass.
+"""Find the reachable pose nearest to one out of reach, for a refusal's message.
 
 Poses are searched in cylindrical coordinates about the arm's own axis, one after the other: at another height, along
 the same direction, at the same distance in another direction, and of a SCARA in another attitude; the orientation of a
-tool that turns in space stays. Only if none of these alone is enough, several change. The result has tenths of a mm or
-degree, so that a text holds the very pose that was tried.
+tool that turns in space stays. If none of these is enough alone, several change. The result has tenths of a mm or
+degree, which its text shows exactly.
 """
 
 from dataclasses import dataclass
@@ -36,13 +36,13 @@ _TOGETHER: Final = ((_RADIUS, _Z), (_RADIUS, _AZIMUTH, _Z), (_RADIUS, _AZIMUTH, 
 def passing_text(
     robot: Robot, pose: Pose, near: FloatArray, branch: str | None = None, *, on_path: bool = False
 ) -> str:
-    """Return, after a semicolon, which coordinates would pass instead of a pose's; an empty text if none are found."""
+    """Return, after a semicolon, coordinates that would pass instead; an empty text if none are found."""
     passing = nearest_pose(robot, pose, near, branch, on_path=on_path)
     return "" if passing is None else f"; {passing_words(make_kinematics(robot).task, pose, passing)} passes"
 
 
 def passing_words(task: Task, pose: Pose, passing: Pose) -> str:
-    """Return the coordinates of a pose that passes that differ from another pose's, as in `x 120.5, y -3 mm`."""
+    """Return the coordinates of a passing pose that differ from another pose's, as in `x 120.5, y -3 mm`."""
     both = zip(pose, passing, strict=True)
     units = dict(zip(SCARA.coordinates if task is SCARA else PLACE, both, strict=False))
     changed = {name: new for name, (old, new) in units.items() if new != old and not np.isnan(new)}
@@ -54,11 +54,11 @@ def passing_words(task: Task, pose: Pose, passing: Pose) -> str:
 def nearest_pose(
     robot: Robot, pose: Pose, near: FloatArray, branch: str | None = None, *, on_path: bool = False
 ) -> Pose | None:
-    """Return the pose nearest to one that the robot reaches in its joints' limits; None if none is found.
+    """Return the reachable pose, within joint limits, nearest to one; None if none is found.
 
-    `near`, of shape (joints,), is the machine's position: slides stay there. Without a branch any may reach it. With
-    `on_path` it is not near a singularity either. The attitude is NaN if it follows from the arm. A mechanism without a
-    closed form is not searched: that would take minutes.
+    `near`, of shape (joints,), is the machine's position: slides stay there. Without a branch any branch may reach the
+    pose. With `on_path` it is not near a singularity either. The attitude is NaN if it follows from the arm. A
+    mechanism without a closed form is not searched, since that would take minutes.
     """
     if not make_kinematics(robot).has_closed_form:
         return None
@@ -72,12 +72,12 @@ class _Search:
     Attributes:
         kinematics: kinematics of the robot.
         near: shape (joints,), its position.
-        branches: branches that may be taken.
-        on_path: true if poses near a singularity do not count.
+        branches: allowed branches.
+        on_path: True if poses near a singularity do not count.
         axis_mm: shape (2,), x and y of the arm's own axis.
-        radius_mm: a distance from that axis beyond which the robot reaches nothing.
-        heights_mm: least and greatest height that it reaches.
-        orientation: columns of the wanted pose behind x, y and z, which stay but for a SCARA's.
+        radius_mm: upper bound of the robot's reach from that axis.
+        heights_mm: lowest and highest height that it reaches.
+        orientation: columns of the wanted pose after x, y and z, which stay except for a SCARA's.
     """
 
     kinematics: Kinematics
@@ -111,12 +111,12 @@ class _Search:
 
     @property
     def _turns(self) -> bool:
-        """Whether the attitude of a pose is a place's fourth coordinate."""
+        """True if the attitude of a pose is a place's fourth coordinate."""
         return self.kinematics.task is SCARA
 
     @property
     def _axes(self) -> tuple[int, ...]:
-        """The coordinates that may change."""
+        """Coordinates that may change."""
         stays = self.kinematics.attitude_follows or not self._turns
         return (_Z, _RADIUS, _AZIMUTH) if stays else (_Z, _RADIUS, _AZIMUTH, _PHI)
 
@@ -128,7 +128,7 @@ class _Search:
         return values[np.argsort(np.abs(values - wanted[axis]), kind="stable")]
 
     def _slid(self, place: FloatArray, wanted: FloatArray, axis: int) -> FloatArray | None:
-        """Return a place with one coordinate as near to the wanted one as passes; None if no value does."""
+        """Return a place with one coordinate at the passing value nearest to the wanted one; None without one."""
         values = self._values(wanted, axis, _COARSE)
         while True:
             check_planning_time()
@@ -145,7 +145,7 @@ class _Search:
             values = np.linspace(side[-1], nearest[axis], _COARSE)
 
     def _anywhere(self, wanted: FloatArray) -> FloatArray | None:
-        """Return the nearest place of a few all over the workspace, then each coordinate as near as passes."""
+        """Return the nearest of a few places all over the workspace, then refine each coordinate."""
         for axes in _TOGETHER:
             tried = [self._values(wanted, axis, _FEW[axis]) if axis in axes else wanted[[axis]] for axis in range(4)]
             places = np.array([*product(*tried)])
@@ -165,7 +165,7 @@ class _Search:
         return np.asarray(np.linalg.norm(off, axis=-1))
 
     def _rounded(self, pose: Pose, wanted: FloatArray, nearest: FloatArray) -> Pose | None:
-        """Return the pose at a place with tenths in the coordinates that changed, a little farther if it must be."""
+        """Return the pose at a place with changed coordinates rounded to tenths, a little farther if necessary."""
         further = np.sign(np.nan_to_num(nearest - wanted)) * _FINE
         poses = self._poses(nearest + np.arange(_ROUNDINGS)[:, np.newaxis] * further)
         tenths = np.round(poses, 1) + 0.0

@@ -35,7 +35,7 @@ l (1 - cos 5 deg), 0.4 % of l.
 """
 
 _STRIDES: Final = (9, 3, 1)
-"""The other attitudes are tried in rounds, every ninth first: most positions within reach need no other round."""
+"""Steps of rounds over the other attitudes, every ninth first: most positions within reach need no other round."""
 
 _CHUNK: Final = 1 << 12
 """Number of poses solved at once: their arrays fit in the processor's cache."""
@@ -43,7 +43,7 @@ _CHUNK: Final = 1 << 12
 _PROBES: Final = 4096
 """Number of random joint positions from which the box is estimated."""
 _MARGIN: Final = 0.1
-"""Part by which the estimated box is widened, so that it holds the whole workspace."""
+"""Fraction by which the estimated box is enlarged to contain the whole workspace."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,8 +55,8 @@ class ArmReach:
         kinematics: the kinematics of the whole machine.
         home: shape (joints,), the home position, where the slides stay.
         axis_mm: x and y of the arm's own axis.
-        attitude_deg: attitude of a SCARA's tool; None if any attitude is allowed. A tool that turns in space is
-            everywhere as at home, turned about the arm's axis.
+        attitude_deg: attitude of a SCARA's tool; None if any attitude is allowed. A tool that turns in space is always
+            as at home, rotated about the arm's axis.
     """
 
     robot: Robot
@@ -69,7 +69,7 @@ class ArmReach:
     def of(cls, robot: Robot, attitude_deg: float | None) -> Self:
         """Return a robot's arm; raise InputError if its dimensions or joints are not its mechanism's.
 
-        Also if the robot has no tool or no closed form of its inverse, or an attitude is given that its tool has not.
+        Also if the robot has no tool or no closed form of its inverse, or if its tool does not have the attitude.
         """
         kinematics, home = make_kinematics(robot), np.array(robot.home)
         if not has_sections(robot):
@@ -128,7 +128,7 @@ class ArmReach:
         return np.column_stack([x_mm + radius_mm * np.cos(azimuth_rad), y_mm + radius_mm * np.sin(azimuth_rad)])
 
     def box_mm(self) -> tuple[float, float, float]:
-        """Return the greatest radius, the least and the greatest height of a box that holds the workspace."""
+        """Return the largest radius, and the lowest and highest height, of a box around the workspace."""
         lower, upper = ([getattr(joint, bound) for joint in self.robot.joints] for bound in ("lower", "upper"))
         joints = np.random.default_rng(0).uniform(lower, upper, (_PROBES, len(lower)))
         for column, _ in self.kinematics.slides:
@@ -179,7 +179,7 @@ class ArmReach:
 
 
 def orientation_words(robot: Robot, attitude_deg: float | None) -> str:
-    """Return how the tool is turned in the sections: one that turns in space as at home, about the arm's axis."""
+    """Return the tool's orientation in the sections as text: as at home about the arm's axis if it turns in space."""
     task = make_kinematics(robot).task
     if task is SCARA:
         return "any attitude" if attitude_deg is None else f"attitude {attitude_deg:g} deg"
@@ -199,7 +199,7 @@ _HALVINGS: Final = 40
 """Number of bisections that shrink a cell of the grid to rounding error."""
 
 _PARTS: Final = 16
-"""Parts into which a round of the search cuts the way on few lines."""
+"""Number of parts into which a round of the search divides a few lines."""
 
 _FEW_LINES: Final = 256
 
@@ -272,7 +272,7 @@ def extent(region: Region, lines: FloatArray, grid: FloatArray, found: Stretches
 def _least(
     region: Region, lines: FloatArray, grid: FloatArray, found: Stretches, value: Callable[[Stretches], FloatArray]
 ) -> float:
-    """Return the least value of all stretches: zoom in around the line that has it, until neighbouring lines agree."""
+    """Return the least value of all stretches: zoom in around its line until neighbouring lines agree."""
     least = np.inf
     for _ in range(_ZOOMS):
         on_line = np.full(len(lines), np.inf)
@@ -295,7 +295,7 @@ def _around(lines: FloatArray, line: int) -> FloatArray:
 def _bisected(region: Region, first: FloatArray, outside: FloatArray, inside: FloatArray) -> FloatArray:
     """Return the last second coordinates inside, between one outside and one inside; all of shape (n,).
 
-    Each round cuts the way in two; for few lines in more parts, since a call for few points takes as long as for many.
+    Each round halves the interval; for few lines it makes more parts, since a call for few points takes as long.
     """
     parts = _PARTS if len(first) <= _FEW_LINES else 2
     shares = np.arange(1, parts) / parts
@@ -449,12 +449,12 @@ class _Rows:
 
 @cache
 def _gauss_legendre() -> tuple[FloatArray, FloatArray]:
-    """Return nodes in -1..1 and their weights, each of shape (_NODES,): they take as long as all else of a scan."""
+    """Return nodes in -1..1 and their weights, each of shape (_NODES,); computing them takes as long as a scan."""
     return np.polynomial.legendre.leggauss(_NODES)
 
 
 def _scanned(region: Region, radii_mm: FloatArray, across: FloatArray) -> _Rows:
-    """Scan a region whose coordinates are the radius and another one, between the ends of both grids."""
+    """Scan a region with the radius and another coordinate, between the ends of both grids."""
     rays = stretches(swapped(region), across, radii_mm)
     ray_edges = edges(rays, across, radii_mm)[:, ::-1]
     radius_mm = extent(swapped(region), across, radii_mm, rays)

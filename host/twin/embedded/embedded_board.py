@@ -23,11 +23,11 @@ from steptwin.protocol.frame import COB_SYNC, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _BOOT_S = 0.01
-"""Time from power-up to the host's arrival: by then the nodes have sent their boot-up messages."""
+"""Time from power-up to the host's arrival; the nodes have sent their boot-up messages by then."""
 
 
 class EmbeddedBoard:
-    """A robot's board, or several, on a bus of their own; fulfils the client's Link."""
+    """A robot's board, or several, on a bus of their own; implements the client's Link."""
 
     def __init__(
         self,
@@ -39,18 +39,18 @@ class EmbeddedBoard:
         commissioned: bool = True,
         waits_for: Collection[str] | None = None,
     ) -> None:
-        """Switch the board on, or the boards.
+        """Switch on the boards.
 
         Args:
             robot: the machine.
             kernel: form of the firmware's kernel.
-            options: how it differs from the robot's file, and what happens to it.
-            schedule: operations on the machine beside its motion, such as EmergencyStop, each with its instant.
-            commissioned: True for a board whose flash holds the robot's settings, False for a new one.
+            options: differences from the robot's file, and operations on the machine.
+            schedule: further operations on the machine, such as EmergencyStop, each with its instant.
+            commissioned: True for a board with the robot's settings in flash, False for a new one.
             waits_for: inputs for which the motion waits; None: unknown.
 
         Raises:
-            InputError: as `MachineParts.of`, or the machine has not what an operation or a feature's part concerns.
+            InputError: as `MachineParts.of`, or the machine lacks the target of an operation or of a feature's part.
         """
         self.robot: Robot = robot
         self.options: MachineOptions = options
@@ -58,18 +58,18 @@ class EmbeddedBoard:
         self.driver_profile: DriverProfile = parts.driver_profile
         self._machine = EmulatedMachine(parts, schedule)
         self.parts: Mapping[str, MachinePart] = parts.features
-        """The parts that features have of the machine, by their names."""
+        """Parts of features in the machine, by name."""
         self.operations: OperationLog = self._machine.operations
-        """What is done to the machine beside its bus."""
+        """Operations on the machine."""
         self.connect_host()
         self._changes: list[InputChange] = []
-        """Changes of inputs that wait for the SYNC that starts the motion."""
+        """Changes of inputs that begin with the SYNC of the next motion."""
         self._changes_after = 0
-        """Length of the bus log when these were given."""
+        """Length of the bus log when these were set."""
         self.wait(_BOOT_S)
 
     def connect_host(self) -> None:
-        """Connect a host, in place of the one before: `network` is its network."""
+        """Connect a host in place of the last one; `network` is its network."""
         of_parts = [network for part in self.parts.values() if (network := part.network()) is not None]
         self.network: EmbeddedNetwork = of_parts[0] if of_parts else EmbeddedNetwork(self._machine.simulation)
 
@@ -80,7 +80,7 @@ class EmbeddedBoard:
 
     @property
     def held_up_s(self) -> float:
-        """Simulated time waits for this program: 0."""
+        """Time during which the simulation waited for this program: 0."""
         return 0.0
 
     @property
@@ -93,7 +93,7 @@ class EmbeddedBoard:
         return self.network.now_s()
 
     def wait(self, dt_s: float) -> None:
-        """Let `dt_s` seconds of simulated time pass, and the rest of a periodic frame that is on the bus then."""
+        """Let `dt_s` seconds of simulated time pass, and complete any periodic frame on the bus."""
         if self._changes and (sync_counts := self._last_sync_counts(self._changes_after)) is not None:
             begin_counts = tick_after(sync_counts)
             for change in self._changes:
@@ -104,7 +104,7 @@ class EmbeddedBoard:
         self.network.wait(dt_s)
 
     def pass_time(self, dt_s: float) -> None:
-        """Let simulated time pass, in whole microseconds, without a host: not even its heartbeat is sent."""
+        """Let simulated time pass, in whole microseconds, without a host or its heartbeat."""
         self._machine.simulation.run_until(self._machine.simulation.now_counts + whole_us_counts(dt_s))
 
     def set_input(self, name: str, *, on: bool) -> None:
@@ -112,7 +112,7 @@ class EmbeddedBoard:
         self.operate(set_input(self.robot, name, on=on))
 
     def change_inputs(self, changes: Sequence[InputChange]) -> None:
-        """Let inputs change during the motion that the next SYNC starts; raise InputError for an unknown name."""
+        """Change inputs during the motion of the next SYNC; raise InputError for an unknown name."""
         for change in changes:
             self._input_operation(change)
         for change in sorted(changes, key=lambda change: change.at_s):
@@ -125,28 +125,28 @@ class EmbeddedBoard:
         return set_input(self.robot, change.name, on=change.on)
 
     def _last_sync_counts(self, after: int = 0) -> int | None:
-        """Return the instant of the last SYNC of the host in the bus log from an entry on; None if there is none."""
+        """Return the instant of the host's last SYNC in the bus log from entry `after` on; None if there is none."""
         bus = self._machine.bus
         log = zip(bus.log_counts[after:], bus.log_frames[after:], strict=True)
         rogue = {counts for counts, _ in self._machine.simulation.rogue_frames}
         return max((counts for counts, frame in log if frame.cob_id == COB_SYNC and counts not in rogue), default=None)
 
     def operate(self, operation: Operation) -> None:
-        """Do an operation on the machine now, such as EmergencyStop(pressed=True).
+        """Execute an operation on the machine now, such as EmergencyStop(pressed=True).
 
         Raises:
-            InputError: the machine lacks what it concerns, such as motors that turn with the board.
+            InputError: the machine lacks its target, such as motors that turn with the board.
         """
         self._machine.operate(operation)
 
     def verdicts(self, end: RunEnd) -> dict[str, RunVerdict]:
-        """Return what features say of a run that ends now, by their names."""
+        """Return the verdicts of features on a run that ends now, by name."""
         judged = {name: part.verdict(end) for name, part in self.parts.items()}
         return {name: verdict for name, verdict in judged.items() if verdict is not None}
 
     @property
     def bus_log(self) -> list[tuple[int, Frame]]:
-        """Every frame with the instant, in counts, when it became valid."""
+        """Every frame with the instant when it became valid, in counts."""
         return self._machine.bus_log
 
     def bus_report(self) -> BusReport:
@@ -160,18 +160,18 @@ class EmbeddedBoard:
         return list(map(floor, self.motor_positions()))
 
     def motor_positions(self) -> list[float]:
-        """Return the position of each motor by the steps that its driver has made, from the joint's zero.
+        """Return the position of each motor by the steps of its driver, from the joint's zero.
 
-        It is in steps of the robot's file, a whole number of them unless the driver makes others.
+        It is in steps of the robot's file, a whole number of them if the driver makes the same steps.
         """
         return self._machine.steps()
 
     def counted_units(self) -> list[int]:
-        """Return the position of each axis by the firmware's own count, as 0x6064 has it, without asking for it."""
+        """Return the position of each axis by the firmware's count, as in 0x6064, without a request on the bus."""
         return [board.firmware.motion.axes[axis].counter_units for board, axis in self._machine.axes]
 
     def rotor_positions(self) -> list[float]:
-        """Return where each rotor really is, in the steps of `motor_positions`; without motors it is the same."""
+        """Return the real position of each rotor, in the steps of `motor_positions`; equal to it without motors."""
         full_steps = self._machine.simulation.rotors_full_steps()
         return [
             start + moved * joint.transmission.microsteps
@@ -181,8 +181,8 @@ class EmbeddedBoard:
     def held_positions(self) -> list[float]:
         """Return the position where each driver holds its rotor, in steps from the joint's zero as `motor_positions`.
 
-        A rotor that turns with the board and has slipped stands whole electrical cycles away from its driver's count.
-        The load angle does not count.
+        A rotor that turns with the board and has slipped is whole electrical cycles away from its driver's count. The
+        load angle is left out.
         """
         positions = []
         for steps, rotor, joint in zip(self.motor_positions(), self.rotor_positions(), self.robot.axes, strict=True):
@@ -191,16 +191,16 @@ class EmbeddedBoard:
         return positions
 
     def rotor_slips(self) -> list[float]:
-        """Return by how many steps of the robot's file each rotor has slipped by itself; 0 without motors.
+        """Return the steps of the robot's file that each rotor has slipped by itself; 0 without motors.
 
-        That is the way from where its driver would hold it by its steps and by the slips made on purpose.
+        It is the distance from the driver's steps with the injected slips.
         """
         made = [full_steps for board in self._machine.simulation.boards for full_steps in board.slipped_full_steps]
         places = zip(self.held_positions(), self.motor_positions(), made, self.robot.axes, strict=True)
         return [held - steps - moved * joint.transmission.microsteps for held, steps, moved, joint in places]
 
     def settled(self, evidence: Evidence) -> dict[str, Any]:
-        """Return what features find some time after the last edge of a run with this evidence, by their names."""
+        """Return the evidence of features some time after the last edge of a run with this evidence, by name."""
         return self._machine.features_settled(max(axis.last_counts for axis in evidence.axes))
 
     @property
@@ -209,7 +209,7 @@ class EmbeddedBoard:
         return self._machine.simulation.rotor_watch is not None
 
     def slipped_full_steps(self) -> list[int]:
-        """Return the full steps by which each rotor has fallen out of step since power-up, with their sign."""
+        """Return the full steps of each rotor's slips since power-up, with sign."""
         return [board.shaft(axis).slipped_full_steps for board, axis in self._machine.axes]
 
     def microsteps(self) -> list[Microsteps]:
@@ -218,7 +218,7 @@ class EmbeddedBoard:
 
     @property
     def started(self) -> bool:
-        """True once the host has sent a SYNC, which starts the axes."""
+        """True once the host has sent a SYNC."""
         return self._last_sync_counts() is not None
 
     def evidence(self) -> Evidence:
@@ -226,11 +226,11 @@ class EmbeddedBoard:
         return self._evidence(axes_evidence(self._machine))
 
     def axes_evidence(self) -> tuple[AxisEvidence, ...]:
-        """Return the edges of `evidence` without the phase currents, which take most of its time."""
+        """Return the edges of `evidence` without the phase currents, which would take most of the time."""
         return axes_evidence(self._machine, currents=False)
 
     def evidence_by_own_clocks(self) -> Evidence:
-        """Return every edge as the boards themselves count time: exactly as planned, however far crystals are off."""
+        """Return every edge by the boards' own crystals: exactly as planned, however far crystals are off."""
         return self._evidence(axes_by_own_clocks(self._machine, self._last_sync_counts() or 0))
 
     def _evidence(self, axes: tuple[AxisEvidence, ...]) -> Evidence:

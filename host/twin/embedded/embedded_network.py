@@ -1,6 +1,6 @@
 """Connect the canopen library to a simulated bus, without threads and without waiting.
 
-Three of its objects wait so: a PDO (`wait_for_reception`, on which `BaseNode402` builds its states and modes), a node's
+Three of its objects wait: a PDO (`wait_for_reception`, on which `BaseNode402` builds its states and modes), a node's
 NMT master (`wait_for_heartbeat`) and its EMCY consumer (`wait`). Each has a condition as a public attribute.
 """
 
@@ -26,7 +26,7 @@ _POLL_S: Final = 0.001
 
 
 def whole_us_counts(dt_s: float) -> int:
-    """Return a duration in counts, rounded to whole microseconds and at least one, unless it is 0."""
+    """Convert a duration to counts, rounded to whole microseconds, at least one unless it is 0."""
     return max(round(dt_s * 1_000_000), 1 if dt_s > 0 else 0) * COUNTS_PER_US
 
 
@@ -44,16 +44,16 @@ class _Repeated:
 
 
 class RepeatedFrames:
-    """Keeps the frames and their next instants; takes the place of python-can's bus in the library's periodic tasks."""
+    """Periodic frames and their next instants; replaces python-can's bus in the library's periodic tasks."""
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
         self._repeated: list[_Repeated] = []
         self.due_counts: int | None = None
-        """Instant when the next frame is due, even if it has been stopped meanwhile; None without frames."""
+        """Instant of the next periodic frame, even if it has been stopped since; None without frames."""
 
     def send_periodic(self, message: can.Message, period_s: float) -> _Repeated:
-        """Repeat a frame from now on, until `stop` of the object returned."""
+        """Repeat a frame from now on, until `stop` of the returned object."""
         frame = Frame(message.arbitration_id, bytes(message.data))
         repeated = _Repeated(frame, whole_us_counts(period_s), self._simulation.now_counts)
         self._repeated.append(repeated)
@@ -61,7 +61,7 @@ class RepeatedFrames:
         return repeated
 
     def take_due(self) -> list[Frame]:
-        """Return the frames that are due by now, each once; missed repetitions are not made up for."""
+        """Return the due frames, each once; missed repetitions are dropped."""
         now_counts = self._simulation.now_counts
         if self.due_counts is None or self.due_counts > now_counts:
             return []
@@ -75,7 +75,7 @@ class RepeatedFrames:
 
 
 class SimulatedCondition(threading.Condition):
-    """A condition for one thread: while it waits, simulated time passes, and frames that arrive then notify it."""
+    """A condition for one thread: simulated time passes while it waits, and arriving frames notify it."""
 
     def __init__(self, clock: Clock) -> None:
         super().__init__()
@@ -83,25 +83,25 @@ class SimulatedCondition(threading.Condition):
         self._notified = False
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Let simulated time pass until the notification, but not more than `timeout` seconds; return if it came."""
+        """Let simulated time pass until the notification, at most `timeout` seconds; return whether it came."""
         self._notified = False
         wait_until(self._clock, lambda: self._notified, float("inf") if timeout is None else timeout, _POLL_S)
         return self._notified
 
     def notify(self, n: int = 1) -> None:
-        """End the wait; `notify_all` calls this as well."""
+        """End the wait; also called by `notify_all`."""
         self._notified = True
         super().notify(n)
 
 
 def wait_in_simulated_time(receiver: object, clock: Clock) -> None:
-    """Make an object of the library that receives frames wait for them on this clock, if it is one that waits."""
+    """Make an object of the library wait for its frames on this clock, if it waits at all."""
     match receiver:
         case PdoMap():
             receiver.receive_condition = SimulatedCondition(clock)
             if receiver.period is None and receiver.event_timer:  # an RPDO of the board has no timer
-                # By itself the library waits only from the second reception on. Before that, BaseNode402.op_mode looks
-                # again and again at the last value, while no time passes.
+                # By itself the library waits only from the second reception on. Before that,
+                # BaseNode402.op_mode polls the last value, while no time passes.
                 receiver.period = receiver.event_timer / 1000
         case NmtMaster():
             receiver.state_update = SimulatedCondition(clock)
@@ -112,11 +112,11 @@ def wait_in_simulated_time(receiver: object, clock: Clock) -> None:
 
 
 class EmbeddedNetwork(canopen.Network):
-    """The canopen library's network on a simulated bus; fulfils the client's Clock.
+    """The canopen library's network on a simulated bus; implements the client's Clock.
 
-    `send_message` returns when the bus is silent again, so the library's requests find their answers already there. Its
-    waits for other frames let simulated time pass. So nothing blocks and no thread is needed. A periodic frame is sent
-    when simulated time reaches its instant, while the client waits or before the next frame that the client sends.
+    `send_message` returns when the bus is silent, so the library's requests find their answers at once. Its waits for
+    other frames let simulated time pass. So nothing blocks and no thread is needed. A periodic frame is sent when
+    simulated time reaches its instant, while the client waits or before its next frame.
     """
 
     def __init__(self, simulation: Simulation) -> None:
@@ -130,9 +130,9 @@ class EmbeddedNetwork(canopen.Network):
         return self._simulation.now_s
 
     def wait(self, dt_s: float) -> None:
-        """Let `dt_s` seconds of simulated time pass, and the rest of a periodic frame that is on the bus then.
+        """Let `dt_s` seconds of simulated time pass, and complete any periodic frame on the bus.
 
-        They are rounded to whole microseconds, at least one: the bus log, in microseconds, then tells every instant.
+        The time is rounded to whole microseconds, at least one, as instants in the bus log.
         """
         until_counts = self._simulation.now_counts + whole_us_counts(dt_s)
         while (due_counts := self._repeated.due_counts) is not None and due_counts < until_counts:
@@ -141,7 +141,7 @@ class EmbeddedNetwork(canopen.Network):
         self._simulation.run_until(until_counts)
 
     def subscribe(self, can_id: int, callback: Callback) -> None:
-        """Have a function called with each frame of an identifier; what it belongs to then waits in simulated time."""
+        """Call a function with each frame of an identifier; its object then waits in simulated time."""
         wait_in_simulated_time(getattr(callback, "__self__", None), self)
         super().subscribe(can_id, callback)
 
@@ -149,7 +149,7 @@ class EmbeddedNetwork(canopen.Network):
         """Send a data frame, and let simulated time pass until the bus is silent.
 
         Raises:
-            BusError: the nodes' own frames never leave the bus silent.
+            BusError: the nodes' own frames keep the bus busy for ever.
             ValueError: the frame is a remote frame, which this bus does not have.
         """
         if remote:
@@ -157,7 +157,7 @@ class EmbeddedNetwork(canopen.Network):
         due_counts = self._repeated.due_counts
         if due_counts is not None and due_counts <= self._simulation.now_counts:
             self._send_due()
-        try:  # not by a method of our own, which would be one more call for every frame
+        try:  # not by a method of our own, which would cost a call for every frame
             self._simulation.send(Frame(can_id, bytes(data)))
         except BusOverloadError as error:
             raise BusError(str(error)) from error
@@ -169,7 +169,7 @@ class EmbeddedNetwork(canopen.Network):
         return task
 
     def _send_due(self) -> None:
-        """Send the periodic frames that are due."""
+        """Send due periodic frames."""
         try:
             for frame in self._repeated.take_due():
                 self._simulation.send(frame)

@@ -9,7 +9,7 @@ import numpy as np
 
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
 from steptwin.host.client import Machine, Progress, StreamedMotion, object_dictionary
-from steptwin.host.client.stopping import await_rest
+from steptwin.host.client.stopping import await_standstill
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, WaitTimeoutError
 from steptwin.host.common.features import giving
 from steptwin.host.operate.inputs_outputs import plan_made, streamed_motion, waits_made
@@ -40,23 +40,23 @@ def execute(
     """Run a plan on an embedded board in virtual time, and verify every pulse.
 
     Args:
-        plan: the motion, checked and converted by `plan`.
+        plan: the motion from `plan`.
         job: name of the motion in reports.
         kernel: form of the firmware's kernel; by default the fastest one that is installed. All make the same edges.
-        cut_stream_s: send only the points before this time of the motion, as a host that hangs would.
+        cut_stream_s: send only the points before this time of the motion, as a hanging host does.
         inputs: changes of the machine's digital inputs during the motion.
-        progress: called with the part of the stream, from 0 to 1, that has been sent.
-        on_board: called with the board before anything happens, for a caller who wants to look at it afterwards.
-        machine: how the emulated machine differs from the robot's file, and what happens to it: the fields of
-            `MachineOptions`; by default it stands at the plan's start. The plan is not told; the outcome has the
-            verdicts of features that do something to it.
+        progress: called with the fraction of the stream that has been sent, from 0 to 1.
+        on_board: called with the board before the run, for later examination.
+        machine: differences from the robot's file, and operations on the machine: the fields of `MachineOptions`; by
+            default it is at the plan's start. The plan does not depend on them; the outcome has the verdicts of
+            features that act on the run.
 
     Raises:
-        InputError: the machine does not stand at the plan's start, the stream is cut outside the motion, or the
-            drivers, their switches, or an input do not exist, or a feature's options do not fit, or the boards have not
-            as many axes as the robot, or a crystal is too far off, or the boards run other firmware.
-        DeviceFaultError, BusError: the board could not be set up, or no motion began: a `NotBegunError` as well if
-            features have a verdict, which it has. A fault in motion is part of the outcome instead.
+        InputError: the machine is not at the plan's start, the stream is cut outside the motion, drivers, their
+            switches, or an input do not exist, a feature's options do not fit, the boards' axes do not match the
+            robot's, a crystal is too far off, or the boards run other firmware.
+        DeviceFaultError, BusError: the setup failed, or no motion began; also a `NotBegunError` if features have
+            verdicts. A fault during motion is part of the outcome instead.
     """
     robot = plan.robot
     options = MachineOptions(**machine)
@@ -68,7 +68,7 @@ def execute(
         plan.check_start(options.joints(robot))
     motion = streamed_motion(plan) if cut_stream_s is None else _cut(streamed_motion(plan), plan, cut_stream_s)
     kernel = kernel or fastest_kernel()
-    object_dictionary()  # made once in a process: no part of what the emulation takes
+    object_dictionary()  # happens once in a process; it is no part of the measured time
     started_s = time.perf_counter()
     board = EmbeddedBoard(
         robot,
@@ -118,7 +118,7 @@ def execute(
 
 
 def _cut(motion: StreamedMotion, plan: Plan, cut_s: float) -> StreamedMotion:
-    """Return what comes before a time; raise InputError if that is outside the motion."""
+    """Return the part before a time; raise InputError if that is outside the motion."""
     count = int(np.searchsorted(plan.times_ms[1:], cut_s * 1000, side="right"))
     if not 0 < count < len(plan.times_ms) - 1:
         first_s, end_s = plan.times_ms[1] / 1000, plan.times_ms[-1] / 1000
@@ -130,7 +130,7 @@ def _cut(motion: StreamedMotion, plan: Plan, cut_s: float) -> StreamedMotion:
 def _drive(
     machine: Machine, board: EmbeddedBoard, plan: Plan, motion: StreamedMotion, progress: Progress
 ) -> RunFault | None:
-    """Set a machine up, stream a plan to it, and disconnect; return the fault that ended it after its start, if any."""
+    """Set up a machine, stream a plan to it, and disconnect; return the fault that ended the motion, if any."""
     try:
         set_up(machine, plan.robot, plan.start_units)
         fault = _run(machine, board, plan, motion, progress)
@@ -143,22 +143,23 @@ def _drive(
 def _run(
     machine: Machine, board: EmbeddedBoard, plan: Plan, motion: StreamedMotion, progress: Progress
 ) -> RunFault | None:
-    """Stream a plan to a machine that is set up; return the fault that ended it after its start, if any."""
+    """Stream a plan to a machine that is set up; return the fault that ended the motion, if any."""
     try:
         machine.run(motion, progress)
         machine.disable()
     except DeviceFaultError as error:
         if not board.started:
             raise
-        await_rest(board, machine.axes)
+        await_standstill(board, machine.axes)
         return _fault(error, machine, board, plan)
     return None
 
 
 def _given_up(error: BusError | DeviceFaultError, board: EmbeddedBoard) -> RunFault:
-    """Return the fault of a run whose host could not go on in motion because of what a feature does to it.
+    """Return the fault of a run whose host could not continue because of a feature.
 
-    Raises the error itself if no feature does; `NotBegunError`, with what features say, if no motion began.
+    Raises the error itself if no feature is the cause; `NotBegunError`, with the features' verdicts, if no motion
+    began.
     """
     if not board.started:
         end = RunEnd(board.evidence(), stopped=True, ended_s=0.0, not_begun=f"no motion began: {error}")
@@ -173,7 +174,7 @@ def _given_up(error: BusError | DeviceFaultError, board: EmbeddedBoard) -> RunFa
 
 
 def driver_units(board: EmbeddedBoard, robot: Robot) -> list[float]:
-    """Return the positions of the motors by their drivers' steps, in wire units."""
+    """Return the positions of the motors by the steps of their drivers, in wire units."""
     return [
         steps * UNITS_PER_FULL_STEP // joint.transmission.microsteps
         for steps, joint in zip(board.motor_positions(), robot.axes, strict=True)
@@ -181,7 +182,7 @@ def driver_units(board: EmbeddedBoard, robot: Robot) -> list[float]:
 
 
 def _end(comparison: Comparison, report: Report, fault: RunFault | None) -> RunEnd:
-    """Return how a run has ended."""
+    """Return the end of a run."""
     evidence = comparison.evidence
     last_counts = max((int(axis.step_counts[-1]) for axis in evidence.axes if axis.step_counts.size), default=0)
     stood_s = (last_counts - evidence.start_counts) / COUNTS_PER_SECOND

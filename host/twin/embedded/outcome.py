@@ -1,4 +1,4 @@
-"""Hold the result of a run on an embedded board: verdict, evidence, bus log, and the fault that ended it, if any."""
+"""Result of a run on an embedded board: verdict, evidence, bus log, and the fault that ended it, if any."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,13 +20,13 @@ from steptwin.protocol.frame import Frame
 
 @dataclass(frozen=True, slots=True)
 class RunFault:
-    """The fault of a drive, or the time-out of a wait, that ended a run.
+    """A fault of a drive, or a time-out of a wait, that ended a run.
 
     Attributes:
         message: axis and error.
         codes: every axis' EMCY error codes, oldest first.
         joints: joint positions by the drives' own count, in mm and degrees.
-        positions_agree: True if the drivers have counted exactly the same.
+        positions_agree: True if the drivers' counts are equal.
         timed_out: True if no drive failed, but a wait for an input timed out.
     """
 
@@ -49,14 +49,14 @@ class RunFault:
 
 @dataclass(frozen=True, slots=True)
 class RunEnd:
-    """How a run ended.
+    """End of a run.
 
     Attributes:
-        evidence: the steps that the drivers counted.
-        stopped: whether the motion ended before its time.
+        evidence: the drivers' counted steps.
+        stopped: True if the motion ended early.
         ended_s: time of the motion at its end.
-        reasons: why the drivers' counts are not as planned; empty if they are, or if the motion stopped.
-        not_begun: that no motion began, and why; empty if one did.
+        reasons: why the drivers' counts differ from the plan; empty if they do not, or if the motion stopped.
+        not_begun: message that no motion began, and why; empty if one did.
     """
 
     evidence: Evidence
@@ -67,11 +67,11 @@ class RunEnd:
 
 
 class RunVerdict(Protocol):
-    """What a feature says of a run to which it has done something: it counts in place of the run's own verdict."""
+    """Verdict of a feature on a run that it has acted on; replaces the run's own verdict."""
 
     @property
     def passed(self) -> bool:
-        """True if all went as it should."""
+        """True if everything was as it should be."""
         ...
 
     def to_dict(self) -> dict[str, Any]:
@@ -83,7 +83,7 @@ class NotBegunError(StepTwinError):
     """No motion began.
 
     Attributes:
-        verdicts: what features say of the run until then, by their names.
+        verdicts: verdicts of features on the run until then, by name.
     """
 
     verdicts: Mapping[str, RunVerdict]
@@ -98,11 +98,11 @@ class SilentStartError(NotBegunError, BusError):
 
 
 class FaultyStartError(NotBegunError, DeviceFaultError):
-    """A drive was in fault, or refused what the host wanted."""
+    """A drive had a fault, or refused a request of the host."""
 
 
 def not_begun(error: BusError | DeviceFaultError, verdicts: Mapping[str, RunVerdict]) -> NotBegunError:
-    """Return the error for a motion that has not begun because of another error."""
+    """Return the error about a motion that another error has prevented."""
     kind = SilentStartError if isinstance(error, BusError) else FaultyStartError
     made = kind(str(error)).plainly(error.plain)
     made.verdicts = verdicts
@@ -110,7 +110,7 @@ def not_begun(error: BusError | DeviceFaultError, verdicts: Mapping[str, RunVerd
 
 
 def merged_documents(verdicts: Mapping[str, RunVerdict]) -> dict[str, Any]:
-    """Return what all verdicts say, under the keys of report.json."""
+    """Merge the documents of verdicts, under the keys of report.json."""
     return {key: value for each in verdicts.values() for key, value in each.to_dict().items()}
 
 
@@ -120,18 +120,18 @@ class Outcome:
 
     Attributes:
         plan: the motion that was run.
-        comparison: the drivers' counts beside the plan.
+        comparison: plan and drivers' counts.
         report: figures and verdict.
-        bus_log: every frame with the instant, in counts since power-up, when it became valid.
-        fault: the fault that ended the run; None if it came to its end.
-        driver_profile: name of the drivers that the board had.
-        waits: the waits for inputs on the way; the plan has their standstills in it, and ends with one that timed out.
-        verdicts: the verdicts of features that acted on the run, by their names.
-        operations: what was done to the machine beside its bus, as requests of the control port, each with its instant
-            `at_s` since power-up.
+        bus_log: every frame with the instant when it became valid, in counts since power-up.
+        fault: fault that ended the run; None if it was complete.
+        driver_profile: name of the board's drivers.
+        waits: waits for inputs; the plan includes their standstills, and ends with one that timed out.
+        verdicts: verdicts of features that acted on the run, by name.
+        operations: operations on the machine as requests of the control port, each with its instant `at_s` since
+            power-up.
         axes_per_board: number of axes on each of several boards; empty: one board had all.
-        crystals_ppm: how fast each board's crystal was, in parts per million; empty: all were exact.
-        late_reasons: those reasons of the report that features have found after the run: no scenario excuses them.
+        crystals_ppm: deviation of each board's crystal, in parts per million; empty: all were exact.
+        late_reasons: reasons of the report that features have found after the run; no scenario excuses them.
     """
 
     plan: Plan
@@ -149,16 +149,16 @@ class Outcome:
 
     @property
     def passed(self) -> bool:
-        """True if the run came to its end, and every pulse is where the plan wants it, and no feature has a reason."""
+        """True if the run was complete, every pulse is as planned, and no feature has a reason against it."""
         return self.fault is None and self.report.passed
 
     @property
     def right(self) -> bool:
-        """True if every pulse is where the plan wants it; with verdicts of features, if these say so."""
+        """True if every pulse is as planned; with verdicts of features, if these are passed."""
         return all(each.passed for each in self.verdicts.values()) if self.verdicts else self.report.passed
 
     def with_feature(self, name: str, seen: Any) -> "Outcome":
-        """Return the outcome with what a feature has found after the run, in place of what it had found before."""
+        """Return the outcome with a feature's evidence after the run, in place of earlier evidence."""
         comparison, report, judge = self.comparison, self.report, judge_of(name)
         evidence, planned = comparison.evidence, comparison.expected.features.get(name)
         before = evidence.features.get(name)
@@ -179,7 +179,7 @@ class Outcome:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the document that `steptwin run --json` prints."""
+        """Return the document of `steptwin run --json`."""
         document = self.report.to_dict() | {"driver_profile": self.driver_profile, "simulated": True}
         document |= waits_document(self.waits) | crystals_document(self.crystals_ppm)
         if self.axes_per_board:
@@ -199,7 +199,7 @@ class Outcome:
             False if the pictures were left out because matplotlib is not installed.
 
         Raises:
-            InputError: the folder holds the recording of a live board, cannot be made, or is not writable.
+            InputError: the folder has the recording of a live board, cannot be created, or is not writable.
             OSError: a file cannot be written.
         """
         keep_recording(folder)

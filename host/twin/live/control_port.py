@@ -1,4 +1,4 @@
-"""Listen at a TCP port of this machine where programs operate the machine of a served board."""
+"""Listen at a TCP port of this machine for programs that operate the machine of a served board."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -24,7 +24,7 @@ _PROTECT = int(DigitalInput.DRIVER_PROTECT | DigitalInput.DRIVER_FAULT)
 
 
 class MachineState:
-    """Reads the state of a board. It is read between two stretches of simulation, so it must be read quickly."""
+    """Reads the state of a board; must be fast, since it runs between two stretches of simulation."""
 
     def __init__(self, board: LiveBoard) -> None:
         robot = board.robot
@@ -83,16 +83,16 @@ class ControlPort:
     """
 
     def __init__(self, port: int) -> None:
-        """Listen; port 0 takes a free one."""
+        """Listen on a port; 0 takes a free one."""
         self._listener = listen(socketcand.LOOPBACK, port, "control_port")
         self._server: ControlServer | None = None
         address, port = self._listener.getsockname()[:2]
         self.port: int = port
         self.address: str = f"{address}:{self.port}"
-        """HOST:PORT, as clients are given it."""
+        """HOST:PORT for clients."""
 
     def attach(self, loop: LiveLoop, board: LiveBoard) -> None:
-        """Accept clients, who operate this board."""
+        """Accept clients that operate this board."""
         from steptwin.emulator.live.control_server import ControlServer
 
         state = MachineState(board)
@@ -107,7 +107,7 @@ class ControlPort:
         self._server = ControlServer(loop, self._listener, handle)
 
     def close(self) -> None:
-        """Disconnect all clients and stop listening; a port that is attached must be closed before its loop."""
+        """Disconnect all clients and stop listening; an attached port must be closed before its loop."""
         if self._server:
             self._server.close()
         self._listener.close()
@@ -126,10 +126,10 @@ class ControlPort:
 
 
 def answer_request(board: LiveBoard, request: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Do what a request asks for; return what is told beside the machine's state.
+    """Execute a request; return its answer besides the machine's state.
 
     Raises:
-        InputError: the request does not exist, has other keys or values, or the machine lacks what it concerns.
+        InputError: the request is unknown, has other keys or values, or the machine lacks its target.
     """
     answering: dict[str, ControlRequests] = {}
     for _, made in giving("requests"):
@@ -142,6 +142,6 @@ def answer_request(board: LiveBoard, request: Mapping[str, Any]) -> Mapping[str,
     if do not in names:
         raise unknown("do", do, names)
     if do == STATE:
-        table.read({"do": Table.text})
+        table.check_keys(("do",))
         return {}
     return answering[do].answer(board, request)

@@ -48,9 +48,9 @@ class JointTotals:
         joint: the joint.
         start_steps: position at power-up, in steps of the robot's file from the joint's zero.
         active_edge: edge of CLK that the driver counts.
-        moved_full_steps: way of the motor from power-up to the last trace.
+        moved_full_steps: travel of the motor from power-up to the last trace.
         pulses: number of rising CLK edges.
-        violations: number of times that a limit of the driver was broken.
+        violations: number of violations of the driver's limits.
     """
 
     joint: Joint
@@ -66,37 +66,38 @@ class JointTotals:
         return self.joint.name
 
     def add(self, trace: AxisTrace) -> None:
-        """Add what the driver has done since the last trace."""
+        """Add a trace of the driver."""
         self.moved_full_steps = trace.position_full_steps
         self.pulses += trace.clk_rise_counts.size
         self.violations += trace.violations.counts.size
 
     @property
     def figures(self) -> JointFigures:
-        """The figures as of the last trace."""
+        """Figures up to the last trace."""
         end_steps = self.start_steps + self.moved_full_steps * self.joint.transmission.microsteps
         return JointFigures(self.start_steps, end_steps, self.pulses, self.violations)
 
 
 RECORD_EVERY_S: Final = 0.5
-"""Longest time for which the drivers' history is held in memory."""
+"""Longest time for which the drivers' history stays in memory."""
 
 OPERATIONS_MAX: Final = 1000
-"""Number of operations on the machine that are remembered, so that memory stays bounded."""
+"""Number of operations that are kept; bounds the memory."""
 
 _STRETCH_TICKS: Final = 80
-"""Ticks, 20 ms, by which rotors may be behind in a motion before they turn at once, which makes the ticks after them
-late: before that they follow in pieces, while the board has nothing else to do."""
+"""Largest delay in ticks (20 ms) of the rotors during a motion. Beyond it they turn at once, which makes the next ticks
+late; before that they follow in pieces, in the board's spare time.
+"""
 
 _OPEN_TICKS: Final = 4
-"""Servo ticks before now when a driver's count may still be open: 1 ms, several times a driver's longest limit."""
+"""Servo ticks before now when a driver's count may be incomplete: 1 ms, several times a driver's longest limit."""
 
 
 class LiveBoard:
-    """A robot's board, or several on one bus, for a `LiveLoop` to run; it records until it is closed.
+    """A robot's board, or several on one bus, run by a `LiveLoop`; it records until it is closed.
 
-    All files go into the folder `out`, the bus log alone into the file `log`. Memory stays bounded in any case. A file
-    that cannot be written ends its recording, never the board: `failures` tells it.
+    All files go into the folder `out`, or only the bus log into the file `log`. Memory stays bounded. An error of
+    writing ends that recording, never the board: `failures` has it.
     """
 
     def __init__(
@@ -109,18 +110,18 @@ class LiveBoard:
         out: Path | None = None,
         log: Path | None = None,
     ) -> None:
-        """Set the board up.
+        """Set up the board.
 
         Args:
             robot: the machine.
             kernel: form of the firmware's kernel.
-            options: how it differs from the robot's file, and what happens to it.
+            options: differences from the robot's file, and operations on the machine.
             speed: simulated seconds per second.
             out: folder for all files.
             log: file for the bus log.
 
         Raises:
-            InputError: as `MachineParts.of`, or a feature's part is for boards in virtual time.
+            InputError: as `MachineParts.of`, or a feature's part works only in virtual time.
             OSError: a file cannot be written.
         """
         parts = MachineParts.of(robot, kernel, options)
@@ -132,7 +133,7 @@ class LiveBoard:
         self._boards = machine.simulation.boards
         self.bus: Bus = machine.bus
         self._ramps: deque[RateRamp] = deque(maxlen=OPERATIONS_MAX)
-        """How the motions' speed has changed on the way, by the first board, up to the last `record`."""
+        """Speed changes of motions by the first board, up to the last `record`."""
         self._lines: list[str] = []
         """Lines of the bus log since the last `record`."""
         modules = [module for board in self._boards for module in board.config.modules]
@@ -141,12 +142,12 @@ class LiveBoard:
             for joint, steps, module in zip(robot.axes, parts.start_steps, modules, strict=True)
         ]
         self.recent_bus_load_percent: float = 0.0
-        """Part of the time between the last two calls of `record` when the bus was busy, in percent."""
+        """Load of the bus between the last two calls of `record`, in percent."""
         self._busy_bits, self._busy_until_s = 0, 0.0
         """Bits on the bus up to the last `record`, and its instant."""
         warm_up(kernel)
         self._next_axis = 0
-        """The axis whose turn it is in `record_next`."""
+        """Next axis of `record_next`."""
         self._bus_log = None if log is None else BusLog(log)
         self._plan = None if out is None else LivePlan(machine)
         self._motion = FollowedMotion(machine, self._plan)
@@ -169,18 +170,18 @@ class LiveBoard:
         return Header(self.robot.name, self.driver_profile.name, self.bus.bitrate, axes)
 
     def operate(self, operation: Operation) -> None:
-        """Do an operation on the machine now; in the loop only.
+        """Execute an operation on the machine now, in the loop only.
 
-        An operation on an axis names its number among all boards' axes; any other is done at every board.
+        An operation on an axis has its number over all boards; any other is executed on every board.
 
         Raises:
-            InputError: the machine lacks what it concerns, such as motors that turn with the board.
+            InputError: the machine lacks its target, such as motors that turn with the board.
         """
         self._machine.operate(operation)
 
     @property
     def environment(self) -> BoardEnvironment:
-        """What the machine is like now; what is the same for all axes of a board is the same for all boards."""
+        """Present environment of the machine; values common to all axes of a board are those of all boards."""
         return self._machine.environment
 
     @property
@@ -198,13 +199,13 @@ class LiveBoard:
 
     @property
     def record_every_s(self) -> float:
-        """Period in which `record_next` must be called: each axis' history is held in memory for RECORD_EVERY_S."""
+        """Period of calls of `record_next`: each axis' history stays in memory for RECORD_EVERY_S."""
         return RECORD_EVERY_S if self._recording else RECORD_EVERY_S / len(self._machine.axes)
 
     def record_next(self) -> None:
-        """Do the next part of `record`: all of it with a folder, whose pieces hold all axes; one axis without.
+        """Do the next part of `record`: all axes with a folder, since its pieces hold all axes; one axis without.
 
-        Six axes at once hold up a board in real time for 2 to 5 ms, which is late for one tick in a hundred.
+        Six axes at once delay a board in real time by 2 to 5 ms, which makes one tick in a hundred late.
         """
         if self._recording:
             self.record()
@@ -220,7 +221,7 @@ class LiveBoard:
                 self._take_ramps(each)
 
     def record(self) -> None:
-        """Write what has happened at the drivers since the last call to the files, and forget it."""
+        """Write the drivers' history since the last call to the files, and drop it."""
         lines = self._end_round()
         pieces: list[AxisEvidence] = []
         for board in self._boards:
@@ -237,14 +238,14 @@ class LiveBoard:
             self._recording.append(self._piece(pieces, lines, self._plan))
 
     def _take_ramps(self, board: Board) -> RateRamps:
-        """Take a board's ramps of the rate; remember those of the first board."""
+        """Take a board's ramps of the rate; keep those of the first board."""
         ramps = board.take_rate_ramps()
         if board is self._boards[0]:
             self._ramps.extend(ramps)
         return rate_ramps(ramps)
 
     def _end_round(self) -> list[str]:
-        """Take and log what has happened on the bus since the last round of all axes; return the log's lines."""
+        """End the bus log's round of all axes; return its new lines."""
         self._motion.follow(max(board.computed_counts for board in self._boards))
         self._measure_load()
         self.bus.filters.struck.clear()
@@ -256,7 +257,7 @@ class LiveBoard:
         return lines
 
     def _measure_load(self) -> None:
-        """Take the load of the bus since the last call, unless the board's clock has stood since."""
+        """Measure the load of the bus since the last call, unless the board's clock has stopped since."""
         busy_bits, now_s = self.bus.busy_bits, self.simulated_s
         if now_s > self._busy_until_s:
             bits = self.bus.bitrate * (now_s - self._busy_until_s)
@@ -289,7 +290,7 @@ class LiveBoard:
 
     @property
     def failures(self) -> tuple[RecordingError, ...]:
-        """One error for each recording that has ended before its time."""
+        """Error of each recording that has ended early."""
         recordings = (self._recording, self._bus_log)
         return tuple(each.failure for each in recordings if each is not None and each.failure is not None)
 
@@ -307,7 +308,7 @@ class LiveBoard:
 
     @property
     def bus_load_percent(self) -> float:
-        """Part of the time since power-up when the bus was busy, in percent."""
+        """Load of the bus since power-up, in percent."""
         return load_percent(self.bus, self.simulated_s)
 
     def bus_figures(self) -> dict[str, Any]:
@@ -315,31 +316,31 @@ class LiveBoard:
         return bus_figures(self.bus, self.simulated_s)
 
     def real_time(self) -> dict[str, Any]:
-        """Return the speed, and how late and how often held up the board was."""
+        """Return the speed, and the board's lateness and stalls."""
         return {"speed": self.live.pacer.speed, **self.lateness(), "stalls": self.stalls()}
 
     @property
     def parts(self) -> Mapping[str, MachinePart]:
-        """The parts that features have of the machine, by their names."""
+        """Parts of features in the machine, by name."""
         return self._machine.parts.features
 
     def features(self) -> dict[str, Any]:
-        """Return what the parts of features have seen up to their last look, under their names."""
+        """Return the evidence of features up to their last look, by name."""
         looked = {name: part.seen() for name, part in self.parts.items()}
         axes = self.robot.axis_names
         return {name: judged_document(name, seen, 0, axes) for name, seen in looked.items() if seen is not None}
 
     def lateness(self) -> dict[str, dict[str, float]]:
-        """Return how late the servo ticks of motions and the board's frames were, in us of the wall clock."""
+        """Return the lateness of motions' servo ticks and of the board's frames, in us of the wall clock."""
         return {"ticks": _figures(self.live.ticks), "frames": _figures(self.live.frames)}
 
     def stalls(self) -> dict[str, float]:
-        """Return how often the board's clock stood because the computer was too slow, and for how long, in ms."""
+        """Return number and total duration in ms of stops of the board's clock on a slow computer."""
         stalls = self.live.stalls
         return {"count": stalls.count, "total_ms": stalls.total_ns / 1e6, "longest_ms": stalls.longest_ns / 1e6}
 
     def mismatches(self) -> list[Microsteps]:
-        """Return the axes whose driver, board and robot file do not agree on the microsteps per full step."""
+        """Return the axes with different microsteps per full step in driver, board and robot file."""
         return self._machine.mismatches()
 
     def report(self) -> dict[str, Any]:

@@ -1,13 +1,13 @@
-"""Follow the motions of a live board and give the records of the last one as a plan in the machine's positions.
+"""Follow the motions of a live board, and make a plan in the machine's positions from the last motion's records.
 
-The firmware's positions begin wherever a host has preset them; those of the machine are what its drivers have counted.
+The firmware's positions begin at any host's preset; those of the machine are the drivers' counts.
 
-With it the pulses of any host's motion can be verified against its records, to the wire unit. A row is made as soon as
-every axis that moves has its record for it, and rows are taken away to be written, so memory stays bounded. A row
-becomes text only then, which takes longer than all the rest.
+The plan verifies the pulses of any host's motion against its records, to the wire unit. A row is complete when every
+moving axis has its record for it. Rows are then taken away for writing, so memory stays bounded. Only then they become
+text, which takes most of the time.
 
-A recording shows one of them: the last that has a plan, even if others have moved the machine since. What comes after
-it is recorded, but the plan says nothing of it.
+A recording shows one motion: the last one with a plan, even if others have moved the machine since. Later events are
+recorded, but are not in the plan.
 """
 
 from collections import deque
@@ -37,11 +37,11 @@ HALTED: Final = "it was halted on its way, each board by a ramp of its own"
 ENDED_ELSEWHERE: Final = "it has not come to the end of its records"
 _APART: Final = "the axes' records do not last equally long"
 _AHEAD_MAX: Final = 2 * QUEUE_DEPTH
-"""Number of one axis' records that may wait for those of the others; a queue holds half as many."""
+"""Number of one axis' records that may wait for those of the others, twice a queue's depth."""
 
 
 class _Row(NamedTuple):
-    """A point of the plan as the wire has it: positions in units, velocities in those of the records."""
+    """A point of the plan in wire units: positions, and velocities as in the records."""
 
     time_ms: int
     units: tuple[int, ...]
@@ -49,45 +49,45 @@ class _Row(NamedTuple):
 
 
 class ReceivedPlan:
-    """Collects records as the board accepts them; at the end there is a plan, or a reason why there is none."""
+    """Collects records that the board accepts; at the end it has a plan, or a reason for none."""
 
     def __init__(self, robot: Robot) -> None:
-        """Begin without a plan."""
+        """Start without a plan."""
         self._lacking: str | None = NO_MOTION
         self.going: bool = False
-        """True while the motion is under way."""
+        """True during the motion."""
         self.number: int = 0
-        """Counts the plans that were begun: this is the present one's number."""
+        """Number of the present plan, counting all that were begun."""
         self._rows: list[tuple[int, _Row | None]] = []
-        """Rows that are not taken yet, each with the number of its plan; None stands for the head of the file."""
+        """Rows that are not taken yet, each with the number of its plan; None is the head of the file."""
         self._robot = robot
         self._recent = [deque[PvtRecord](maxlen=QUEUE_DEPTH) for _ in robot.axes]
-        """The last records of each joint; some of them may wait in its queue when a motion begins."""
+        """Last records of each joint; some may wait in its queue when a motion begins."""
         self._pending = [deque[PvtRecord]() for _ in robot.axes]
         """Records of the motion that are not in a row yet."""
         self._moving: list[int] = []
-        """Joints that have records in this motion."""
+        """Joints with records in this motion."""
         self._time_ms = 0
         self._units = [0] * len(robot.axes)
         """Positions of the last row, in the machine's wire units."""
 
     @property
     def lacking(self) -> str | None:
-        """Reason why there is no plan at present; None if there is one."""
+        """Why there is no plan at present; None if there is one."""
         return ENDED_ELSEWHERE if self.going and not self._lacking else self._lacking
 
     @property
     def lacking_so_far(self) -> str | None:
-        """Reason why there is no plan of the motion, which may be under way; None if its rows so far describe it."""
+        """Why there is no plan of the present motion; None if its rows so far describe it."""
         return self._lacking
 
     @property
     def moving(self) -> Sequence[int]:
-        """The joints that have records in the motion."""
+        """Joints with records in the motion."""
         return self._moving
 
     def take(self) -> list[PlanRows]:
-        """Return the new rows of each plan, in order, and forget them."""
+        """Return the new rows of each plan, in order, and drop them."""
         rows, self._rows = self._rows, []
         return [
             PlanRows(number, [self._text(row) for _, row in own])
@@ -95,14 +95,14 @@ class ReceivedPlan:
         ]
 
     def accept(self, joint: int, record: PvtRecord) -> None:
-        """Take in a record that the board has queued."""
+        """Add a record that the board has queued."""
         self._recent[joint].append(record)
         if self.going and self._lacking is None:
             self._pending[joint].append(record)
             self._make_rows()
 
     def begin(self, start_units: Sequence[int], queued: Sequence[int]) -> None:
-        """Begin a plan: a SYNC has started a motion, with this number of records in each joint's queue."""
+        """Begin a plan: a SYNC has started a motion; `queued` is the number of records in each joint's queue."""
         self._moving = [joint for joint, count in enumerate(queued) if count]
         self._lacking = None if self._moving else NO_MOTION
         self.going = True
@@ -119,12 +119,12 @@ class ReceivedPlan:
         self._make_rows()
 
     def fail(self, reason: str) -> None:
-        """Give up the plan: the machine does not move as the records say."""
+        """Drop the plan: the machine does not move as in the records."""
         if self._lacking is None:
             self._lacking = reason
 
     def end(self, end_units: Sequence[int]) -> None:
-        """End the motion, at the positions where the machine now stands."""
+        """End the motion at the machine's present positions."""
         self.going = False
         if any(self._pending):
             self.fail(_APART)
@@ -159,7 +159,7 @@ class ReceivedPlan:
 
 
 class LivePlan(ReceivedPlan):
-    """The plan of the records that a machine's axes accept; the live board tells of SYNCs, starts and ends."""
+    """Plan from the records that a machine's axes accept; the live board reports SYNCs, starts and ends."""
 
     def __init__(self, machine: RobotBoards) -> None:
         """Follow the axes from now on."""
@@ -170,11 +170,11 @@ class LivePlan(ReceivedPlan):
             for joint, steps in zip(machine.robot.axes, machine.start_steps, strict=True)
         ]
         self._rest_units = [0] * len(machine.axes)
-        """Position of each axis at the last SYNC, as the firmware counts."""
+        """Position of each axis at the last SYNC, by the firmware's count."""
         self._queued = [0] * len(machine.axes)
         """Number of records in each axis' queue at that SYNC."""
         self._offset_units = [0] * len(machine.axes)
-        """Difference from the firmware's positions to those of the machine at that SYNC."""
+        """Offset of each axis from the firmware's position to the machine's at that SYNC."""
         self._follows = all(board.runs_own for board, _ in machine.axes)
         if not self._follows:
             self._lacking = OTHER_FIRMWARE
@@ -184,9 +184,9 @@ class LivePlan(ReceivedPlan):
             board.own.on_record(board, axis, partial(self.accept, joint))
 
     def sync(self) -> None:
-        """Note the positions at rest: a SYNC is about to reach the axes.
+        """Save the positions at rest before a SYNC reaches the axes.
 
-        The drivers know the position to a step; for an axis with records the firmware adds the part of a step.
+        The drivers' position is exact to a step; the firmware of an axis with records adds the fraction.
         """
         if not self._follows:
             return
@@ -209,7 +209,7 @@ class LivePlan(ReceivedPlan):
                 self.fail(f"{name} is set up otherwise than in the robot's file")
 
     def follow(self, *, in_motion: bool) -> None:
-        """Note a halt or the end of the motion under way; must be called before the next frame reaches the axes."""
+        """Register a pause or the end of the motion; must be called before the next frame reaches the axes."""
         if not self.going:
             return
         boards = {id(board): board for board, _ in self._machine.axes}
@@ -227,7 +227,7 @@ class LivePlan(ReceivedPlan):
 
 _HARMLESS: Final = (ErrorCode.NONE, ErrorCode.CAN_OVERRUN, ErrorCode.CAN_ERROR_PASSIVE)
 _FOLLOWS: Final = ErrorCode.GROUP_STOPPED
-"""What an axis says that another one has stopped."""
+"""Error of an axis after another one has stopped."""
 _TOGETHER_COUNTS: Final = COUNTS_PER_SECOND // 10
 """Time within which errors have one cause."""
 BY_HOST: Final = "a stop of a host"
@@ -235,15 +235,15 @@ BY_HOST: Final = "a stop of a host"
 
 @dataclass(frozen=True, slots=True)
 class RecordedMotion:
-    """The motion that a recording shows.
+    """Motion of a recording.
 
     Attributes:
         start_counts: its t = 0; None if no SYNC has started a motion.
         no_plan: why it has no plan; None if it has one.
-        in_motion: True if it has not come to its end.
-        plan_number: number of its plan, as LivePlan counts them; 0 without one.
+        in_motion: True if it has not ended.
+        plan_number: number of its plan, as in LivePlan; 0 without one.
         next_counts: instant when a later motion began; 0 if there was none.
-        stop: what has stopped the machine since it began; None if nothing has.
+        stop: stop of the machine since it began; None without one.
     """
 
     start_counts: int | None
@@ -255,11 +255,11 @@ class RecordedMotion:
 
 
 class FollowedMotion:
-    """Notes starts and ends of motions; the bus tells it of every frame before its receivers get it.
+    """Registers starts and ends of motions; the bus reports every frame before its receivers get it.
 
     Attributes:
         start_counts: t = 0 of the last motion that a SYNC started; None if there was none.
-        plan: the plan of that motion, made of its records; None if nobody wants it.
+        plan: plan of that motion from its records; None if it is not needed.
     """
 
     def __init__(self, machine: RobotBoards, plan: LivePlan | None) -> None:
@@ -268,21 +268,21 @@ class FollowedMotion:
         self.plan = plan
         self._machine = machine
         self._sync_counts: int | None = None
-        """Instant of a SYNC at rest that may start a motion; None once that is known."""
+        """Instant of a SYNC at rest that may start a motion; None once that is decided."""
         self._complete: RecordedMotion | None = None
-        """The last motion that has come to the end of its plan."""
+        """Last motion that was complete."""
         self._rest_counts = 0
-        """Last instant when the axes were seen at rest."""
+        """Last instant with all axes at rest."""
         self._moved_counts = 0
-        """Last instant when one was seen to move."""
+        """Last instant with a moving axis."""
         self._caused = False
         """True if the cause of the stop is known."""
         self._stop: MachineStop | None = None
-        """What has stopped the machine since its last motion began."""
+        """Stop of the machine since its last motion began."""
         self._names = dict(enumerate(machine.robot.axis_names, start=FIRST_NODE_ID))
 
     def frame(self, frame: Frame, counts: int) -> None:
-        """Note a frame that is about to reach its receivers."""
+        """Register a frame before it reaches its receivers."""
         self.follow(counts)
         if frame.cob_id & ~NODE_ID_MAX == COB_EMCY and frame.cob_id & NODE_ID_MAX in self._names:
             self._note_error(frame, counts)
@@ -292,7 +292,7 @@ class FollowedMotion:
                 self.plan.sync()
 
     def follow(self, now_counts: int) -> None:
-        """Note what has happened up to now: axes that move before the frame after a SYNC were started by it."""
+        """Register events up to now: axes that move before the frame after a SYNC were started by it."""
         self._note_later_motion(now_counts)
         if self._sync_counts is not None and self.in_motion:
             self.start_counts = -(-self._sync_counts // TICK_COUNTS) * TICK_COUNTS
@@ -309,7 +309,7 @@ class FollowedMotion:
                 self._note_stop(MachineStop(now_counts, BY_HOST, in_motion=True))
 
     def recorded(self, *, ended: bool) -> RecordedMotion:
-        """Return the motion that a recording shows: one that is under way only if the recording has not `ended`."""
+        """Return the motion of a recording; an active one only if the recording has not `ended`."""
         if self.plan is None:
             return RecordedMotion(self.start_counts, None, stop=self._stop)
         lacking = self.plan.lacking if ended else self.plan.lacking_so_far
@@ -318,7 +318,7 @@ class FollowedMotion:
         return RecordedMotion(self.start_counts, lacking, self.plan.going, self.plan.number, stop=self._stop)
 
     def _note_error(self, frame: Frame, counts: int) -> None:
-        """Note an error that stops the machine: an emergency stop, or any on the way."""
+        """Register an error that stops the machine: an emergency stop, or any error during motion."""
         code = int.from_bytes(frame.data[:2], "little")
         if code in _HARMLESS:
             return
@@ -334,20 +334,20 @@ class FollowedMotion:
             self._note_stop(MachineStop(counts, f"{name}: {error_words(code)}", in_motion), cause=code != _FOLLOWS)
 
     def _note_stop(self, stop: MachineStop, *, cause: bool = True) -> None:
-        """Note a stop, unless one was before; the cause may be told after what follows from it."""
+        """Register a stop, unless there was one before; a later call may add the cause."""
         before = self._stop
         if before is not None and (self._caused or stop.counts - before.counts > _TOGETHER_COUNTS):
             return
         self._stop, self._caused = stop, cause
 
     def _switched_off(self, joints: Sequence[int]) -> bool:
-        """Return whether the drive of a joint is no more enabled."""
+        """Return whether the drive of a joint is no longer enabled."""
         axes = (self._machine.axes[joint] for joint in joints)
         nodes = (board.own.firmware.nodes[axis] for board, axis in axes)
         return any(State.of(node.dictionary.get(od.STATUSWORD)) is not State.OPERATION_ENABLED for node in nodes)
 
     def _note_later_motion(self, now_counts: int) -> None:
-        """Note that axes move on after the end of a plan, whatever program has started them."""
+        """Register a motion after the end of a plan, whichever program has started it."""
         if not self.in_motion:
             self._rest_counts = now_counts
             return

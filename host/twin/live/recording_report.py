@@ -1,7 +1,7 @@
-"""Report on a machine that moves without a known plan: a live board, a board under test, a replay.
+"""Report on a machine without a known plan: a live board, a board under test, a replay.
 
-The folder is the one that a live board leaves (docs/run-folder.md): the plan is that of the records which the axes have
-received, and there is no verdict. It has a waveform besides.
+The folder is that of a live board (docs/run-folder.md): its plan consists of the received records, and it has no
+verdict. It also has a waveform.
 """
 
 import time
@@ -42,13 +42,13 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 @dataclass(frozen=True, slots=True)
 class JointFigures:
-    """What a joint's driver has done since power-up.
+    """Figures of a joint's driver since power-up.
 
     Attributes:
         start_steps: position at power-up, in steps of the robot's file from the joint's zero.
-        end_steps: position now: a whole number of steps unless the driver makes others than the file's.
+        end_steps: present position; a whole number of steps if the driver makes those of the file.
         pulses: number of rising CLK edges.
-        violations: number of times that a limit of the driver was broken.
+        violations: number of violations of the driver's limits.
     """
 
     start_steps: int
@@ -70,11 +70,11 @@ def recording_report(
 
     Args:
         machine: the machine.
-        joints: what each joint's driver has done.
-        shown: the motion that the recording shows.
-        job: what the report has in place of a job's name.
+        joints: figures of each joint's driver.
+        shown: motion of the recording.
+        job: name in the report in place of a job's.
         wall_s: time on the wall clock since power-up.
-        happened: further entries on what has happened since power-up.
+        happened: further entries about events since power-up.
     """
     robot, boards, now_s = machine.robot, machine.simulation.boards, round(machine.simulation.now_s, 6)
     return {
@@ -125,22 +125,22 @@ def bus_figures(bus: Bus, now_s: float) -> dict[str, Any]:
 
 
 def load_percent(bus: Bus, now_s: float) -> float:
-    """Return the part of the time since power-up when a bus was busy, in percent."""
+    """Return the load of a bus since power-up, in percent."""
     return 100 * bus.busy_bits / (bus.bitrate * max(now_s, 1e-3))
 
 
 class UnplannedRun:
-    """Follows an emulated machine from now on; may be saved at any time, and again later."""
+    """Follows an emulated machine from now on; may be saved at any time, repeatedly."""
 
     def __init__(self, machine: EmulatedMachine, job: str) -> None:
-        """Follow a machine whose bus keeps its frames; reports have `job` in place of a job's name."""
+        """Follow a machine with a bus that keeps its frames; reports have `job` as the name of the job."""
         self._machine = machine
         self._job = job
         self._began_s = time.perf_counter()
         self._plan = LivePlan(machine)
         self._motion = FollowedMotion(machine, self._plan)
         self._rows: list[PlanRows] = []
-        """Rows of the plan up to the last time that it was saved."""
+        """Rows of the plan that have been saved."""
         machine.bus.listen(self._motion.frame)
 
     def evidence(self) -> Evidence:
@@ -155,7 +155,7 @@ class UnplannedRun:
         """Write the folder; another run's files are replaced, those of a live board's recording are not.
 
         Raises:
-            InputError: the folder holds the recording of a live board, cannot be made, or is not writable.
+            InputError: the folder has the recording of a live board, cannot be created, or is not writable.
             OSError: a file cannot be written.
         """
         keep_recording(folder)

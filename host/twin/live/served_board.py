@@ -1,4 +1,4 @@
-"""Serve a robot's board in real time to every program that speaks CAN, in a thread of its own or in the caller's.
+"""Serve a robot's board in real time to every program that uses CAN, in a thread of its own or in the caller's.
 
 Other programs reach it at an endpoint: a socketcand server, or a bus of python-can.
 """
@@ -34,9 +34,9 @@ class Endpoint(ABC):
     """A listening socket or a bus of python-can, open from its construction until `close`."""
 
     kind: ClassVar[str]
-    """Key under which the report holds its figures."""
+    """Key of its figures in the report."""
     title: str
-    """The place of the board, and the way to connect to it."""
+    """Its address, and how to connect."""
     port: int | None = None
     """TCP port of a listening socket."""
     remote: bool = False
@@ -48,11 +48,11 @@ class Endpoint(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Disconnect. An endpoint that is attached to a loop must be closed before the loop."""
+        """Disconnect. An attached endpoint must be closed before its loop."""
 
     @abstractmethod
     def status(self) -> str:
-        """Return the present state in a few words."""
+        """Return the present state as a short text."""
 
     @abstractmethod
     def figures(self) -> dict[str, Any]:
@@ -60,7 +60,7 @@ class Endpoint(ABC):
 
     @property
     def failure(self) -> str | None:
-        """Reason why the endpoint no longer works; None while it does."""
+        """Why the endpoint has failed; None while it works."""
         return None
 
 
@@ -99,7 +99,7 @@ class SocketcandEndpoint(Endpoint):
         self._listener.close()
 
     def status(self) -> str:
-        """Return the number of clients, in words."""
+        """Return the number of clients as text."""
         count = self._server.clients if self._server else 0
         return f"{count} client{'' if count == 1 else 's'}"
 
@@ -147,7 +147,7 @@ class PythonCanEndpoint(Endpoint):
             self._bus.shutdown()
 
     def status(self) -> str:
-        """Return the bus' name and, if there are any, the number of frames that it did not take."""
+        """Return the bus' name and, if there are any, the number of refused frames."""
         unsent = self._bridge.unsent_frames if self._bridge else 0
         return f"{self._name}, {unsent} frames not sent" if unsent else self._name
 
@@ -173,10 +173,10 @@ class PythonCanEndpoint(Endpoint):
 def open_endpoint(
     host: str | None, port: int | None, interface: str | None, channel: str | None, bitrate: int, *, allow_remote: bool
 ) -> Endpoint:
-    """Listen for socketcand clients, or join the bus of a python-can interface if one is named.
+    """Listen for socketcand clients, or join the bus of a given python-can interface.
 
     Raises:
-        InputError: the arguments contradict each other, or name no address, port or interface.
+        InputError: the arguments exclude each other, or name no address, port or interface.
         BusError: the port is in use, or the bus cannot be opened.
     """
     if interface is None:
@@ -199,13 +199,13 @@ class ServedBoard:
     """A robot's board, or several, in real time behind a socketcand server or on a bus of python-can.
 
     As a context manager it runs in a thread of its own until the block ends; `serve_forever` runs it in the caller's
-    thread. Its files are complete when it has ended, and it can be run once. A file that cannot be written ends the
-    recording, not the board.
+    thread. It can be run once, and its files are complete at its end. An error of writing ends the recording, not the
+    board.
 
     Attributes:
         board: the board with its bus and everything recorded about it.
-        endpoint: the server or bus where programs reach the board.
-        control: the port where programs operate its machine; None unless it was asked for.
+        endpoint: server or bus for programs.
+        control: control port of its machine; None without one.
     """
 
     def __init__(
@@ -225,27 +225,26 @@ class ServedBoard:
         replace: bool = False,
         **machine: Unpack[MachineKeywords],
     ) -> None:
-        """Set the board up and open its endpoint.
+        """Set up the board and open its endpoint.
 
         Args:
             robot: the machine.
-            host: address where the socketcand server listens; by default 127.0.0.1.
+            host: address of the socketcand server; by default 127.0.0.1.
             port: TCP port of the server; by default 29536, socketcand's own; 0 takes a free one.
-            control_port: TCP port of this machine where programs press its emergency stop, let its switches stick
-                and the like (docs/control-port.md); 0 takes a free one; None: there is none.
-            allow_remote: allow an address that other machines reach.
-            interface: python-can's name of an interface on which the board is put instead.
-            channel: of that interface.
+            control_port: TCP port of this machine for programs that press its emergency stop, stick its switches and so
+                on (docs/control-port.md); 0 takes a free one; None: none.
+            allow_remote: True to allow an address that other machines reach.
+            interface: python-can's name of an interface for the board instead of a server.
+            channel: channel of that interface.
             speed: simulated seconds per second.
             kernel: form of the firmware's kernel; by default the fastest one that is installed.
-            out: folder that receives report, edges and bus log.
-            log: file that receives the bus log alone.
-            replace: let `out` replace a run or a recording that the folder holds, and `log` an older file.
-            machine: how the machine differs from the robot's file, and what happens to it: the fields of
-                `MachineOptions`.
+            out: folder for report, edges and bus log.
+            log: file for the bus log alone.
+            replace: True to replace a run or a recording in `out`, and an older file `log`.
+            machine: differences from the robot's file, and operations on the machine: the fields of `MachineOptions`.
 
         Raises:
-            InputError: an argument is out of its range, or contradicts another one, or something would be replaced.
+            InputError: an argument is out of its range, excludes another one, or would replace existing files.
             BusError: the port is in use, or the bus cannot be opened.
             OSError: a file cannot be written.
         """
@@ -285,7 +284,7 @@ class ServedBoard:
 
     @property
     def title(self) -> str:
-        """The place of the board and the way to connect to it, in one line."""
+        """Address of the board and how to connect, in one line."""
         return self.endpoint.title
 
     def report(self) -> dict[str, Any]:
@@ -314,9 +313,9 @@ class ServedBoard:
         """Run the board in this thread until `stop` is called, then complete its files.
 
         Raises:
-            BusError: the bus of python-can has failed, which ends the board too.
-            DeviceFaultError: a firmware of the user's own has crashed, hangs or has broken its interface.
-            RecordingError: a file could not be written, so its recording is incomplete.
+            BusError: the bus of python-can has failed, which ends the board, too.
+            DeviceFaultError: the user's own firmware has crashed, hangs or has violated its interface.
+            RecordingError: a file could not be written; the recording is incomplete.
         """
         with self._loop:
             try:
@@ -349,7 +348,7 @@ class ServedBoard:
         self.operate(operation)
 
     def operate(self, operation: Operation) -> None:
-        """Do an operation on the machine as soon as the board's loop looks; from any thread."""
+        """Execute an operation on the machine with the next turn of the board's loop; from any thread."""
         live, loop = self.board.live, self._loop
         loop.call_soon(lambda: live.call(lambda: self.board.operate(operation), loop.looked_ns))
 
@@ -363,7 +362,7 @@ class ServedBoard:
 
 
 def _check_replaced(out: Path | str | None, log: Path | str | None, *, replace: bool) -> None:
-    """Raise InputError if a folder or a file would be replaced that may not be, or `replace` is for nothing."""
+    """Raise InputError if a folder or file would be replaced without permission, or if `replace` has no effect."""
     if replace:
         if out is None and log is None:
             raise InputError("replace=True: is for out=DIR and log=FILE")

@@ -1,8 +1,8 @@
-"""Spread a robot's axes over emulated boards, describe these and make them; tell where each joint's motor is.
+"""Distribute a robot's axes over emulated boards, configure and create these, and calculate motor positions.
 
-Node ids continue from board to board, so a program that talks to the axes need not know where one board ends. A
-commissioned board has the robot's settings in its flash: a program that configures nothing finds an axis that makes the
-robot's steps. `steptwin run` begins with a new board instead, which has its factory defaults, and writes every setting.
+Node ids continue from board to board, so a program need not know the boards' borders. A commissioned board has the
+robot's settings in its flash: a program that configures nothing finds axes with the robot's steps. `steptwin run`
+begins with a new board instead, with factory defaults, and writes every setting.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -33,7 +33,7 @@ from steptwin.protocol.storage import stored_name
 
 
 def check_axes_per_board(counts: Sequence[int], axes: int) -> None:
-    """Raise InputError unless each board can drive its number of axes and together they are the robot's."""
+    """Raise InputError unless each board can drive its number of axes and the total is the robot's."""
     given, nearest = _listed(counts), _listed(_spread(counts, axes))
     for count in counts:
         if not 1 <= count <= AXES_MAX:
@@ -44,7 +44,7 @@ def check_axes_per_board(counts: Sequence[int], axes: int) -> None:
 
 
 def _spread(counts: Sequence[int], axes: int) -> list[int]:
-    """Return the nearest valid numbers: each cut to what a board drives, their sum to the robot's axes."""
+    """Return the nearest valid numbers: each limited to a board's capacity, their sum the robot's axes."""
     nearest: list[int] = []
     for count in [*counts, *[AXES_MAX] * axes]:
         left = axes - sum(nearest)
@@ -58,10 +58,10 @@ def _listed(counts: Sequence[int]) -> str:
 
 
 def check_crystals(crystals_ppm: Sequence[int], boards: int) -> None:
-    """Raise InputError unless the crystals are in range, one for each board.
+    """Raise InputError unless there is a crystal in range for each board.
 
     Args:
-        crystals_ppm: how fast each board's crystal is, in parts per million; empty: all are exact.
+        crystals_ppm: deviation of each board's crystal, in parts per million; empty: all are exact.
         boards: number of boards.
     """
     if not any(crystals_ppm) and len(crystals_ppm) in (0, boards):
@@ -77,12 +77,12 @@ def check_crystals(crystals_ppm: Sequence[int], boards: int) -> None:
 
 
 def crystals_document(crystals_ppm: Sequence[int]) -> dict[str, Any]:
-    """Return the entry of a report that tells crystals which are off; none where all are exact."""
+    """Return a report's entry about crystals that are off; empty if all are exact."""
     return {"crystal_ppm": list(crystals_ppm)} if any(crystals_ppm) else {}
 
 
-def standing_steps(robot: Robot, joints: Sequence[float]) -> list[int]:
-    """Return the step at which each motor stands, counted from the axis' zero; `joints` in mm and degrees."""
+def steps_at_joints(robot: Robot, joints: Sequence[float]) -> list[int]:
+    """Return the step of each motor from the axis' zero, with joints at `joints` in mm and degrees."""
     units = robot.to_units(np.array(joints, dtype=float)).tolist()
     return [_steps(joint.transmission, int(each)) for joint, each in zip(robot.axes, units, strict=True)]
 
@@ -90,7 +90,7 @@ def standing_steps(robot: Robot, joints: Sequence[float]) -> list[int]:
 def steps_at(transmission: Transmission, position: float) -> int:
     """Return the step at an axis position, rounded to a wire unit first and then to a step, as the firmware's preset.
 
-    Rounded at once, a position just below half a step could come out one step below the firmware's counter.
+    Direct rounding could give one step less than the firmware just below half a step.
     """
     return _steps(transmission, transmission.to_units(position))
 
@@ -99,18 +99,18 @@ def _steps(transmission: Transmission, units: int) -> int:
     return (units * transmission.microsteps + UNITS_PER_FULL_STEP // 2) // UNITS_PER_FULL_STEP
 
 
-# --- their hardware
+# --- hardware of boards
 
 
 def board_configs(robot: Robot, options: MachineOptions = AS_FILED) -> list[BoardConfig]:
-    """Return the boards that drive the axes of a robot, on one bus; node ids continue from board to board.
+    """Return the configurations of the boards for a robot's axes, on one bus; node ids continue from board to board.
 
     Raises:
-        InputError: the drivers do not exist, or cannot be set as the robot needs them, or the boards do not have as
-            many axes as the robot, or a joint or a crystal cannot be as the options say.
+        InputError: the drivers do not exist or lack a setting of the robot, the boards' axes do not match the robot's,
+            or the options have an impossible joint or crystal.
     """
     axes_per_board = options.boards_of(robot)
-    stands_at = zip(robot.axes, standing_steps(robot, options.joints(robot)), strict=True)
+    stands_at = zip(robot.axes, steps_at_joints(robot, options.joints(robot)), strict=True)
     profile = driver_profile(robot.board, options.driver_profile)
     substeps = profile.chip.substeps
     start_substeps = [steps * substeps // joint.transmission.microsteps for joint, steps in stands_at]
@@ -126,7 +126,7 @@ def board_configs(robot: Robot, options: MachineOptions = AS_FILED) -> list[Boar
                 modules=modules[first : first + axes],
                 first_node_id=FIRST_NODE_ID + first,
                 switches=tuple(_switches(robot, first, first + axes, substeps)),
-                travels=_travels(robot, first, first + axes),
+                travels=tuple(_travel(robot, axis, first, first + axes) for axis in range(first, first + axes)),
                 start_substeps=tuple(start_substeps[first : first + axes]),
                 crystal_ppm=crystal_ppm,
             )
@@ -149,24 +149,16 @@ def _switches(robot: Robot, first: int, end: int, substeps: int) -> Iterator[Swi
 
 
 def _place(robot: Robot, axis: int, substeps: int, position: float) -> int:
-    """Return a joint position in an axis' substeps, on a step of the robot's file, as homing expects.
+    """Return a joint position in an axis' substeps, rounded to a step of the robot's file, as homing expects.
 
-    A coupled joint's are scaled so that its own axis moves them one to one.
+    Positions of coupled joints are scaled to move their own axis one to one.
     """
     transmission, own = robot.axes[axis].transmission, robot.coupling.travel_of(axis)[axis]
     return steps_at(transmission, position / own) * substeps // transmission.microsteps
 
 
-def _travels(robot: Robot, first: int, end: int) -> tuple[Travel, ...]:
-    """Return the way along which the switches at each of a board's axes stand.
-
-    Raises:
-        InputError: an axis that moves a joint with switches is on another board, or the joint's second motor is.
-    """
-    return tuple(_travel(robot, axis, first, end) for axis in range(first, end))
-
-
 def _travel(robot: Robot, axis: int, first: int, end: int) -> Travel:
+    """Return the travel with an axis' switches; raise InputError if another board has an axis or motor of it."""
     elements, joint = robot.coupling.travel_of(axis), robot.coupling.joint_of(axis)
     per_unit = robot.wire_units_per_unit.tolist()
     for other in {*elements, *robot.coupling.axes_of(joint)}:
@@ -181,11 +173,11 @@ def _travel(robot: Robot, axis: int, first: int, end: int) -> Travel:
     )
 
 
-# --- the boards
+# --- boards
 
 
 def commissioned_flash(robot: Robot, joints: Sequence[Joint]) -> list[FlashPage]:
-    """Return the flash pages of a board that drives these joints of a robot, as if its settings had been stored."""
+    """Return the flash pages of a board with the settings of these joints of a robot."""
     texts = {od.ROBOT_NAME: stored_name(robot.name)}
     return [FlashPage(dict(axis_settings(joint, robot.board).objects()), dict(texts)) for joint in joints]
 
@@ -198,14 +190,14 @@ def make_boards(
     commissioned: bool = True,
     program: Callable[[], BoardProgram] | None = None,
 ) -> list[Board]:
-    """Make boards without power, in the order of the joints.
+    """Create boards without power, in the order of the joints.
 
     Args:
         robot: the machine.
         configs: hardware of each board, from `board_configs`.
         kernel: form of the firmware's kernel.
-        commissioned: True for boards whose flash holds the robot's settings, False for new ones.
-        program: makes the program that each board runs instead of our firmware.
+        commissioned: True for boards with the robot's settings in flash, False for new ones.
+        program: creates each board's program in place of our firmware.
     """
     if program is not None:
         return [make_board(config, kernel, program=program()) for config in configs]

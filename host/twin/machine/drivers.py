@@ -1,4 +1,4 @@
-"""Choose the drivers of the emulated board, and set them as the robot's file says."""
+"""Select the drivers of the emulated board, and set them by the robot's file."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,14 +13,14 @@ from steptwin.protocol.drivers import GENERIC, ActiveEdge, ChipSheet, DriverProf
 
 @dataclass(frozen=True, slots=True)
 class DriverSetup:
-    """How a robot's drivers are set.
+    """Settings of a robot's drivers.
 
     Attributes:
         chip: the chip.
         current_a: phase current at full torque.
-        standing_part: part of it that flows while an axis stands: less than all with modules' idle circuit.
-        fast_decay_part: part of each chopping period with fast decay.
-        by_pins: the board's pins set torque and decay, not switches or registers of the driver.
+        standing_part: fraction of it at standstill: below 1 with modules' idle circuits.
+        fast_decay_part: fraction of each chopping period with fast decay.
+        by_pins: True if the board's pins set torque and decay, False for switches or registers of the driver.
     """
 
     chip: ChipSheet
@@ -31,10 +31,10 @@ class DriverSetup:
 
 
 def driver_profile(board: BoardSettings, instead: str | None = None) -> DriverProfile:
-    """Return the drivers that the robot's file names, or those named by `instead`.
+    """Return the drivers of the robot's file, or those named by `instead`.
 
     Raises:
-        InputError: the drivers do not exist, or generic ones have no figures in the robot's file.
+        InputError: the drivers do not exist, or the robot's file has no figures for generic ones.
     """
     if instead is None:
         return board.profile
@@ -49,15 +49,15 @@ def driver_profile(board: BoardSettings, instead: str | None = None) -> DriverPr
 
 
 def other_drivers(board: BoardSettings, name: str) -> str | None:
-    """Return the name of a run's drivers if they were not the robot file's."""
+    """Return the name of a run's drivers if they are not the robot file's."""
     return None if name == board.profile.name else name
 
 
 def fitted_module(board: BoardSettings, profile: DriverProfile, microsteps: int) -> Module:
-    """Return an axis' driver module: with the robot file's settings if the file names this profile, else as usual.
+    """Return an axis' driver module, with the file's settings if the file names this profile, else with usual ones.
 
     Raises:
-        InputError: the module has no such setting.
+        InputError: the module does not have such a setting.
     """
     if profile != driver_profile(board):
         return fitted(profile, microsteps)
@@ -76,7 +76,7 @@ def fitted_module(board: BoardSettings, profile: DriverProfile, microsteps: int)
 
 
 def driver_settings(board: BoardSettings, profile: DriverProfile) -> DriverSetup:
-    """Return how drivers are set: as the robot's file says if it names this profile, else as usual."""
+    """Return the drivers' settings: the file's if the file names this profile, else the usual ones."""
     own = profile == driver_profile(board)
 
     def setting(key: str) -> float:
@@ -93,15 +93,15 @@ def driver_settings(board: BoardSettings, profile: DriverProfile) -> DriverSetup
 
 
 def phase_currents_a(robot: Robot, profile: DriverProfile) -> tuple[float, ...]:
-    """Return the phase current at full torque of each axis' driver, set as `driver_settings` has it."""
+    """Return the phase current at full torque of each axis' driver, by `driver_settings`."""
     return tuple(driver_settings(robot.board_at(joint), profile).current_a for joint in robot.axes)
 
 
 def switched_microsteps(robot: Robot, profile: DriverProfile, otherwise: Mapping[str, int]) -> list[int]:
-    """Return the microsteps for which each joint's driver is fitted: the file's, or those set `otherwise` by switches.
+    """Return the microsteps of each joint's driver: the file's, or those of `otherwise`, set by switches.
 
     Raises:
-        InputError: the robot has no joint of that name, its drivers have no switches, or they lack the microsteps.
+        InputError: the robot has no such joint, its drivers have no switches, or no such microsteps.
     """
     chosen = {joint.name: joint.transmission.microsteps for joint in robot.axes}
     for name, microsteps in otherwise.items():
@@ -120,7 +120,7 @@ def switched_microsteps(robot: Robot, profile: DriverProfile, otherwise: Mapping
 
 
 def settings_left_out(robot: Robot, instead: str | None) -> tuple[str, ...]:
-    """Return the keys of the robot file's driver settings that do not apply because `instead` names other drivers.
+    """Return the keys of the robot file's driver settings that do not apply to the drivers `instead`.
 
     Raises:
         InputError: the drivers do not exist.

@@ -1,4 +1,4 @@
-"""Put an emulated machine together: its boards with their drivers, and the parts of features."""
+"""Assemble an emulated machine: boards with drivers, and the parts of features."""
 
 from collections import deque
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -15,7 +15,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import MachinePart, giving
 from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.machine.boards import board_configs, make_boards, standing_steps
+from steptwin.host.twin.machine.boards import board_configs, make_boards, steps_at_joints
 from steptwin.host.twin.machine.drivers import driver_profile
 from steptwin.host.twin.machine.input_changes import request_of
 from steptwin.host.twin.machine.machine_options import MachineOptions
@@ -27,16 +27,16 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 @dataclass(frozen=True, slots=True)
 class MachineParts:
-    """The parts of an emulated machine, as they are at power-up.
+    """Parts of an emulated machine at power-up.
 
     Attributes:
         robot: the machine.
-        options: how it differs from the robot's file.
+        options: differences from the robot's file.
         driver_profile: the drivers.
-        start_steps: where the motors stand, in steps of the robot's file from their axes' zeros.
-        commissioned: True for boards whose flash holds the robot's settings, False for new ones.
+        start_steps: motor positions, in steps of the robot's file from their axes' zeros.
+        commissioned: True for boards with the robot's settings in flash, False for new ones.
         boards: the boards, without power.
-        features: the parts that features have, by their names.
+        features: parts of features, by name.
     """
 
     robot: Robot
@@ -57,19 +57,19 @@ class MachineParts:
         commissioned: bool = True,
         waits_for: Collection[str] | None = None,
     ) -> "MachineParts":
-        """Make the parts.
+        """Create the parts.
 
         Args:
             robot: the machine.
             kernel: form of the firmware's kernel.
-            options: how it differs from the robot's file.
-            commissioned: True for boards whose flash holds the robot's settings, False for new ones.
+            options: differences from the robot's file.
+            commissioned: True for boards with the robot's settings in flash, False for new ones.
             waits_for: inputs for which the motion waits; None: unknown.
 
         Raises:
-            InputError: a joint or the drivers do not exist, or cannot be set as the robot needs them, or have no such
-                switches, or a feature's options do not fit, or the boards have not as many axes as the robot, or a
-                crystal is too far off, or an EDS cannot be read or its node's id is taken.
+            InputError: a joint or the drivers do not exist, or lack a setting or switches; a feature's options do not
+                fit; the boards' axes do not match the robot's; a crystal is too far off; an EDS is unreadable, or its
+                node's id is taken.
         """
         joints, per_board = options.joints(robot), options.boards_of(robot)
         options.check_features()
@@ -83,7 +83,7 @@ class MachineParts:
             robot,
             options,
             drivers,
-            standing_steps(robot, joints),
+            steps_at_joints(robot, joints),
             commissioned,
             make_boards(robot, configs, kernel, commissioned=commissioned, program=options.program()),
             parts,
@@ -91,13 +91,13 @@ class MachineParts:
 
 
 class OperationLog:
-    """Every operation on a machine beside its bus from now on, or the last ones, as requests of the control port."""
+    """Operations on a machine from now on, or the last ones, as requests of the control port."""
 
     def __init__(self, machine: RobotBoards, most: int | None = None) -> None:
-        """Begin; `most` is the number of operations that are remembered, None for all."""
+        """Start; `most` is the number of operations that are kept, None for all."""
         self._machine = machine
         self._done: deque[tuple[int, Operation]] = deque(maxlen=most)
-        """What was done, and its instants in counts; axes are numbered among all boards'."""
+        """Operations and their instants in counts; axes are numbered over all boards."""
         machine.simulation.on_operation = self._operated
 
     def _operated(self, scheduled: Scheduled) -> None:
@@ -106,18 +106,18 @@ class OperationLog:
             self._done.append((scheduled.counts, operation))
 
     def requests(self) -> list[dict[str, Any]]:
-        """Return what was done under the keys of docs/control-port.md, with `at_s` in seconds since power-up."""
+        """Return the operations under the keys of docs/control-port.md, with `at_s` in seconds since power-up."""
         robot = self._machine.robot
         return [{"at_s": counts / COUNTS_PER_SECOND} | request_of(robot, each) for counts, each in self._done]
 
 
 class EmulatedMachine(RobotBoards):
-    """A robot's machine on a bus from power-up on: what embedded, live and replayed boards are.
+    """A robot's machine on a bus from power-up on: the base of embedded, live and replayed boards.
 
     Attributes:
-        parts: what it is made of.
-        bus: the bus of its boards.
-        operations: what is done to it beside its bus.
+        parts: its parts.
+        bus: bus of its boards.
+        operations: operations on it.
     """
 
     def __init__(
@@ -131,13 +131,13 @@ class EmulatedMachine(RobotBoards):
         """Switch the boards on.
 
         Args:
-            parts: what the machine is made of.
-            schedule: operations on it beside its motion, each with its instant.
+            parts: parts of the machine.
+            schedule: operations on it, each with its instant.
             log: called with each frame on the bus and its instant; by default the bus keeps them.
-            operations_max: number of operations that are remembered; None for all.
+            operations_max: number of operations that are kept; None for all.
 
         Raises:
-            InputError: the machine has not what an operation or a feature's part concerns.
+            InputError: the machine lacks the target of an operation or of a feature's part.
         """
         robot, options = parts.robot, parts.options
         schedule = tuple(schedule)
@@ -157,23 +157,23 @@ class EmulatedMachine(RobotBoards):
 
     @property
     def bus_log(self) -> list[tuple[int, Frame]]:
-        """Every frame that the bus has kept, with the instant, in counts, when it became valid."""
+        """Every frame that the bus has kept, with the instant when it became valid, in counts."""
         return list(zip(self.bus.log_counts, self.bus.log_frames, strict=True))
 
     def mismatches(self) -> list[Microsteps]:
-        """Return the axes whose driver, board and robot file do not agree on the microsteps per full step."""
+        """Return the axes with different microsteps per full step in driver, board and robot file."""
         return [each for each in self.microsteps() if not each.agree]
 
     def parts_document(self) -> dict[str, Any]:
-        """Return what the parts of features say has happened so far, under keys of report.json."""
+        """Return the evidence of features so far, under keys of report.json."""
         return {key: value for part in self.parts.features.values() for key, value in part.document().items()}
 
     def features_evidence(self) -> dict[str, Any]:
-        """Let the parts of features look; return what they have seen since power-up, by name."""
+        """Update the parts of features; return their evidence since power-up, by name."""
         found = {name: part.evidence() for name, part in self.parts.features.items()}
         return {name: seen for name, seen in found.items() if seen is not None}
 
     def features_settled(self, last_counts: int) -> dict[str, Any]:
-        """Return what the parts of features find some time after a run's last edge, by name."""
+        """Return the evidence of features some time after a run's last edge, by name."""
         found = {name: part.settled(last_counts) for name, part in self.parts.features.items()}
         return {name: seen for name, seen in found.items() if seen is not None}

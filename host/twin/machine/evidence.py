@@ -36,7 +36,7 @@ _SCALES: Final = {
     LimitUnit.CELSIUS: ("degC", 1),
     LimitUnit.VOLT: ("V", 1),
 }
-"""The evidence's unit for each unit of the emulator, and the factor of the conversion."""
+"""Unit in the evidence of each unit of the emulator, and the conversion factor."""
 _NO_CURRENTS: Final = np.empty(0, np.int16)
 
 
@@ -49,10 +49,10 @@ def axes_evidence(machine: RobotBoards, *, currents: bool = True) -> tuple[AxisE
 
 
 def axes_by_own_clocks(machine: RobotBoards, sync_counts: int) -> tuple[AxisEvidence, ...]:
-    """Return the evidence of all axes by the crystals of their own boards instead of the bus' time.
+    """Return the evidence of all axes by their own boards' crystals instead of the bus' time.
 
-    Each board's instants are shifted so that its first servo tick after the SYNC is where that of a board with an exact
-    crystal is: whatever their crystals, boards without a fault then show exactly what is planned.
+    Each board's instants are shifted to put its first servo tick after the SYNC where that of an exact crystal is. So
+    boards without a fault make exactly the planned edges, whatever their crystals.
     """
     made = []
     for name, start, (board, axis) in _axes(machine):
@@ -69,7 +69,7 @@ def _axes(machine: RobotBoards) -> Iterable[tuple[str, int, tuple[Board, int]]]:
 
 
 def _since_power_up(name: str, start_steps: int, board: Board, axis: int, *, currents: bool = True) -> AxisEvidence:
-    trace = board.trace(axis)  # first: it drains what the drivers' pins have done
+    trace = board.trace(axis)  # first: it processes the edges of the drivers' pins
     pins, rates = level_edges(axis, board.pin_changes), rate_ramps(board.rate_ramps)
     return axis_evidence(name, start_steps, trace, pins, rates, currents=currents)
 
@@ -88,9 +88,9 @@ def axis_evidence(
     *,
     currents: bool = True,
 ) -> AxisEvidence:
-    """Return the evidence of one axis' driver, of its `pins` by their names and of its time, as its board counts time.
+    """Return the evidence of one axis from its driver's trace, pins and rates, by its board's clock.
 
-    Without `currents` it says nothing of the phases, which take most of the time.
+    Without `currents` it has no phases, which take most of the time.
     """
     return AxisEvidence(
         name=name,
@@ -111,15 +111,15 @@ def axis_evidence(
 
 
 def in_bus_time(axis: AxisEvidence, clock: LocalClock | None) -> AxisEvidence:
-    """Return what a board with a clock of its own has seen in the time of the bus, as a logic analyser would.
+    """Return a board's evidence in the time of the bus, as a logic analyser records it.
 
-    Values of violations stay as the board's clock has them; None stands for an exact clock.
+    Values of violations stay in the board's time; None is an exact clock.
     """
     return axis if clock is None else with_instants(axis, clock.instants)
 
 
 def with_instants(axis: AxisEvidence, instants: Callable[[Int64Array], Int64Array]) -> AxisEvidence:
-    """Return evidence whose instants are those that a function makes of the present ones."""
+    """Return evidence with all instants converted by a function."""
     return replace(
         axis,
         clk_rise_counts=instants(axis.clk_rise_counts),
@@ -139,7 +139,7 @@ def with_instants(axis: AxisEvidence, instants: Callable[[Int64Array], Int64Arra
 
 
 def driver_violations(violations: Violations) -> DriverViolations:
-    """Return violations with limits and values in microseconds where they are given in counts."""
+    """Return violations with limits and values in microseconds if they are in counts."""
     scales = np.array([_SCALES[limit.unit][1] for limit in violations.limits])
     limits = tuple(
         DriverLimit(
@@ -152,7 +152,7 @@ def driver_violations(violations: Violations) -> DriverViolations:
 
 
 def _phases(outputs: ChipOutputs, per_full_step: int, *, currents: bool) -> Phases:
-    """Sample the phases at each instant when they may change; keep those where they do, and power-up."""
+    """Sample the phases at each possible change; keep real changes, and power-up."""
     counts = outputs.instants() if currents else NO_COUNTS
     if not counts.size:
         return Phases(NO_COUNTS, np.empty(0, np.int32), _NO_CURRENTS, _NO_CURRENTS, per_full_step)
@@ -171,14 +171,14 @@ def _phase_values(outputs: ChipOutputs, counts: Int64Array) -> NDArray[np.int64]
 
 
 def rate_ramps(ramps: Sequence[RateRamp]) -> RateRamps:
-    """Return the ramps of the time of a board's interpolating axes."""
+    """Return the ramps of a board's rate of its interpolating axes' time."""
     columns = np.array(ramps, np.int64).reshape(-1, len(RateRamp._fields))
     ticks, from_q16, to_q16, lasts_ticks = columns.T
     return RateRamps(ticks * TICK_COUNTS, from_q16, to_q16, lasts_ticks * TICK_COUNTS)
 
 
 def level_edges(axis: int, changes: Sequence[PinChange]) -> dict[str, LevelEdges]:
-    """Return the edges of one axis' pins that the firmware holds at a level, by pin name."""
+    """Return the edges of one axis' level pins, by name."""
     in_order = sorted(changes, key=lambda change: change.counts)
     edges = {pin: [change for change in in_order if (change.axis, change.pin) == (axis, pin)] for pin in Pin}
     return {

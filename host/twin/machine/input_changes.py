@@ -1,4 +1,4 @@
-"""Changes of a robot's digital inputs, by their names in its file, as operations; operations as requests."""
+"""Changes of a robot's digital inputs, by name, as operations; and operations as requests."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -14,7 +14,7 @@ from steptwin.host.twin.machine.robot_boards import Places
 from steptwin.protocol.cia402 import DigitalInput
 
 _OUT_PINS = Pin.OUT1, Pin.OUT2
-"""The pins of an axis' outputs, in the order of their numbers."""
+"""Pins of an axis' outputs, by number."""
 
 
 class Wires:
@@ -33,7 +33,7 @@ class Wires:
 
 
 class InputChange(NamedTuple):
-    """An input changes its level `at_s` seconds of simulated time after the motion's start; at 0 it has it before."""
+    """A change of an input `at_s` seconds of simulated time after the motion's start; at 0, before it."""
 
     name: str
     on: bool
@@ -41,12 +41,12 @@ class InputChange(NamedTuple):
 
 
 def set_input(robot: Robot, name: str, *, on: bool) -> InputOperation:
-    """Return the operation that sets a robot's input on its one board; raise InputError for an unknown name."""
+    """Return the operation that sets a robot's input; raise InputError for an unknown name."""
     return InputOperation(*wired_input(robot, name), on)
 
 
 def request_of(robot: Robot, operation: Operation) -> dict[str, Any]:
-    """Return an operation as the request of the control port that asks for it; by its fields if there is none."""
+    """Return an operation as its control port request, or as its fields if there is none."""
     if isinstance(operation, InputOperation):
         for name, wired in wired_inputs(robot).items():
             if wired == (operation.axis, operation.input):

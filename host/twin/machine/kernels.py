@@ -1,4 +1,4 @@
-"""Give host programs the forms of the firmware's kernel: plain Python, compiled, and those of features."""
+"""Forms of the firmware's kernel for host programs: plain Python, compiled, and those of features."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -29,18 +29,18 @@ __all__ = [
 
 
 _FAST: Final = "numba"
-"""The form that an extra brings."""
+"""The form of an extra."""
 
 
 def kernels() -> Mapping[str, Callable[[], Kernel]]:
-    """Return what makes the forms of the kernel, by name; all make the same edges."""
+    """Return functions that create the forms of the kernel, by name; all make the same edges."""
     return dict(OWN_KERNELS) | {name: make for _, given in giving("kernels") for name, make in given().items()}
 
 
 def kernel_named(name: str) -> Kernel:
     """Return a form of the kernel, such as "python" or "numba".
 
-    Raise InputError for another name, or if what it needs is not installed.
+    Raise InputError for another name, or if a requirement is not installed.
     """
     forms = kernels()
     if name not in forms:
@@ -54,23 +54,23 @@ def kernel_named(name: str) -> Kernel:
 
 
 _LOADING_S: Final = 0.4
-"""Time that a process takes to import numba and load the compiled kernel."""
+"""Time to import numba and load the compiled kernel."""
 _PLAIN_TICK_S: Final = 0.7e-6
-"""Time that plain Python takes for a tick of an axis longer than the compiled kernel, on the same computer."""
+"""Additional time of plain Python for a tick of an axis, against the compiled kernel."""
 _PLAIN_STEP_S: Final = 1.5e-6
-"""Likewise for a step."""
+"""Additional time of plain Python for a step."""
 
 
 def soonest_kernel(plan: Plan) -> Kernel:
-    """Return the kernel with which the run of a plan ends soonest.
+    """Return the kernel with the shortest total time for a plan.
 
-    A short motion is over in plain Python before the compiled kernel would be loaded.
+    Plain Python ends a short motion before the compiled kernel is loaded.
     """
     return python_kernel() if _is_short(plan) and not _is_loaded() else fastest_kernel()
 
 
 def soonest_is_compiled(plan: Plan) -> bool:
-    """Return whether `soonest_kernel` returns the compiled one, where numba is installed."""
+    """Return whether `soonest_kernel` returns the compiled one, if numba is installed."""
     return _is_loaded() or not _is_short(plan)
 
 
@@ -88,10 +88,10 @@ def _is_short(plan: Plan) -> bool:
 
 @contextmanager
 def telling_of_compiling(tell: Callable[[], None], *, wanted: bool = True) -> Iterator[None]:
-    """Call `tell` once, before it begins, if numba compiles something within the block.
+    """Call `tell` once if numba starts to compile within the block.
 
-    What an earlier process has compiled is loaded, which is quick and not told. Where the block does not load numba it
-    is not `wanted`: to watch numba loads it.
+    Functions compiled by an earlier process are loaded quickly, without a call. Set `wanted` to False if the block does
+    not load numba; otherwise this loads it.
     """
     if not (wanted and find_spec("numba")):
         yield

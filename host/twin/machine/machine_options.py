@@ -1,7 +1,7 @@
-"""How an emulated machine differs from its robot's file, and what happens to it on purpose.
+"""Options of an emulated machine: its differences from the robot's file, and operations on it.
 
-Each option is written here once: the options of commands, the arguments of the functions that users call and of the
-fixtures, and docs/machine-options.md come from here. So this module imports little: `steptwin --help` reads it.
+Each option is defined here once. Command options, arguments of functions and fixtures, and docs/machine-options.md
+derive from it. This module imports little, since `steptwin --help` reads it.
 """
 
 import re
@@ -23,16 +23,16 @@ if TYPE_CHECKING:
 
 
 class Spelling(NamedTuple):
-    """How an option is written on the command line and in Python, and what it is.
+    """Spelling of an option on the command line and in Python, and its description.
 
     Attributes:
         key: its key on the command line, as in `--machine KEY=VALUE`.
-        value: the word for its value there; empty for a switch.
+        value: placeholder of its value there; empty for a switch.
         example: a value in Python.
-        says: what it does.
-        read: makes the value from the text; from the list of texts if the option is repeatable.
-        repeatable: True if the option may stand several times.
-        served: True if on the command line it is for served boards only.
+        says: its effect.
+        read: converts its text, or the list of texts if the option is repeatable.
+        repeatable: True if the option may be repeated.
+        served: True if the command line has it for served boards only.
     """
 
     key: str
@@ -47,7 +47,7 @@ class Spelling(NamedTuple):
 SPELLING: Final = "spelling"
 """Key of a field's spelling in its metadata."""
 OF_FEATURES: Final = "of_features"
-"""Key, in its metadata, of the attribute of features that gives the classes of a field's objects."""
+"""Key, in a field's metadata, of the attribute of features with the classes of its objects."""
 
 
 Standing = Sequence[float] | Mapping[str, float]
@@ -74,7 +74,7 @@ _COUNT: Final = re.compile(r"\s*[0-9]{1,4}\s*")
 
 
 def read_axes_per_board(text: str) -> list[int]:
-    """Return the number of axes of each board from a text such as `4,2`; raise InputError if it has another form."""
+    """Return the number of axes of each board from a text such as `4,2`; raise InputError for another form."""
     words = text.split(",")
     if not all(map(_COUNT.fullmatch, words)):
         raise InputError(f"axes_per_board={text}: does not list the axes of each board, as in 4,2")
@@ -160,11 +160,11 @@ _BITRATE = Spelling(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineOptions:
-    """An emulated machine beside its robot's file. Neither the plan nor the host is told of any of it.
+    """An emulated machine; neither the plan nor the host knows these options.
 
-    The spelling of each says what it does. In Python joints may stand by name, the others at home; one number for the
-    crystals is that of each board, and none means that all are exact; `extras` has the options of features, at most one
-    object of each.
+    The spelling of each describes it. In Python, joints may be given by name, with the others at home. One number for
+    the crystals is that of each board, and none means that all are exact. `extras` has at most one options object of
+    each feature.
     """
 
     stand_at: Standing | None = field(default=None, metadata={SPELLING: _STANDING})
@@ -181,7 +181,7 @@ class MachineOptions:
         return cast(MachineKeywords, {each.name: getattr(self, each.name) for each in fields(self)})
 
     def over(self, other: "MachineOptions") -> "MachineOptions":
-        """Return other options, with those of these that are no defaults in place of theirs."""
+        """Return `other`, with the values of this object that are not defaults in place of its own."""
         given = {each.name: getattr(self, each.name) for each in fields(self)}
         del given["extras"]
         changed = {name: value for name, value in given.items() if value != getattr(AS_FILED, name)}
@@ -189,16 +189,16 @@ class MachineOptions:
 
     @property
     def crystals_ppm(self) -> tuple[int, ...]:
-        """How fast each board's crystal is, in parts per million; empty: all are exact."""
+        """Deviation of each board's crystal, in parts per million; empty: all are exact."""
         if isinstance(self.crystal_ppm, int):
             return (self.crystal_ppm,) * len(self.axes_per_board or (1,))
         return tuple(self.crystal_ppm)
 
     def joints(self, robot: "Robot") -> list[float]:
-        """Return where all joints stand, in mm and degrees; those without a position at the robot's home.
+        """Return the positions of all joints in mm and degrees; joints without one are at the robot's home.
 
         Raises:
-            InputError: the number of positions is wrong, or the robot has no joint of that name.
+            InputError: the number of positions is wrong, or a joint does not exist.
         """
         at = dict(zip(robot.joint_names, robot.home, strict=True))
         if self.stand_at is None:
@@ -214,7 +214,7 @@ class MachineOptions:
         return list(at.values())
 
     def bits_per_s(self, robot: "Robot") -> int:
-        """Return the bit rate of the bus; raise InputError unless a bus can have it."""
+        """Return the bit rate of the bus; raise InputError for an impossible one."""
         bitrate = robot.board.bitrate if self.bitrate is None else self.bitrate
         check_bitrate(bitrate, f"bitrate={bitrate}:")
         return bitrate
@@ -223,7 +223,7 @@ class MachineOptions:
         """Return the number of axes on each board.
 
         Raises:
-            InputError: the boards have not as many axes as the robot, or a crystal is too far off.
+            InputError: the boards' axes do not match the robot's, or a crystal is too far off.
         """
         from steptwin.host.twin.machine.boards import check_axes_per_board, check_crystals
 
@@ -233,22 +233,22 @@ class MachineOptions:
         return per_board
 
     def check_features(self, *, real_time: bool = False) -> None:
-        """Raise InputError if the options of a feature do not go with the other ones, in real time or not."""
+        """Raise InputError if a feature's options exclude others, in real time or not."""
         for feature, check in giving("check_machine"):
             check(self, feature.options_in(self.extras), real_time)
 
     def warnings(self, robot: "Robot", drivers: "DriverProfile") -> dict[str, list[str]]:
-        """Return what features warn of before a machine with these drivers is operated, by their names."""
+        """Return the warnings of features about a machine with these drivers, by name."""
         return {
             feature.name: list(warnings(robot, drivers, feature.options_in(self.extras)))
             for feature, warnings in giving("machine_warnings")
         }
 
     def program(self) -> "Callable[[], BoardProgram] | None":
-        """Return what makes the program that each board runs instead of our firmware; None if none does.
+        """Return a function that creates each board's program in place of our firmware; None without one.
 
         Raises:
-            InputError: the program cannot be had, or two are given.
+            InputError: the program is not available, or two are given.
         """
         made = {feature.name: make(feature.options_in(self.extras)) for feature, make in giving("program")}
         programs = {name: program for name, program in made.items() if program is not None}
@@ -258,10 +258,10 @@ class MachineOptions:
 
 
 def read_extras(extras: Sequence[Any], robot: "Robot", folder: Path = Path()) -> tuple[Any, ...]:
-    """Return the options of features with the files read that they name, whose relative paths begin at a folder.
+    """Return the options of features with their files read; relative paths begin at a folder.
 
     Raises:
-        InputError: a file cannot be read, or something in it does not fit the robot.
+        InputError: a file is unreadable or does not fit the robot.
     """
     read = list(extras)
     for feature, reading in giving("read_options"):
@@ -271,7 +271,7 @@ def read_extras(extras: Sequence[Any], robot: "Robot", folder: Path = Path()) ->
 
 
 def merged(extras: Sequence[Any], others: Sequence[Any]) -> tuple[Any, ...]:
-    """Return the options of features in two sequences, with what is given in the first in place of the second's."""
+    """Return the options of features in both sequences; values of the first one take precedence."""
     found = {type(each): each for each in others}
     for each in extras:
         found[type(each)] = each.over(found[type(each)]) if type(each) in found else each
@@ -279,4 +279,4 @@ def merged(extras: Sequence[Any], others: Sequence[Any]) -> tuple[Any, ...]:
 
 
 AS_FILED: Final = MachineOptions()
-"""A machine as its robot's file has it."""
+"""A machine as in its robot's file."""

@@ -1,4 +1,4 @@
-"""A robot's boards on their bus: where each axis is, where its motor stands, and what is done to the machine."""
+"""A robot's boards on their bus: places of axes, positions of motors, and operations on the machine."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,12 +12,12 @@ from steptwin.host.robots.robot import Robot
 
 
 def _firmwares_microsteps(board: Board, axis: int) -> int:
-    """Return the microsteps that the firmware counts by; of another firmware only its driver's are known."""
+    """Return the microsteps of the firmware's counts; for another firmware, those of its driver."""
     return board.firmware.motion.axes[axis].config.microsteps if board.runs_own else board.driver_microsteps(axis)
 
 
 class Places:
-    """Where each axis of a machine is: the number of its board, and its own number there."""
+    """Place of each axis of a machine: the number of its board, and its own number there."""
 
     def __init__(self, axes_per_board: Sequence[int]) -> None:
         """Note the number of axes on each board, in the order of the joints."""
@@ -27,10 +27,9 @@ class Places:
         )
 
     def on_boards(self, operation: Operation) -> list[tuple[int, Operation]]:
-        """Return an operation on the machine as operations on boards, each with the number of its board.
+        """Convert an operation on the machine to operations on boards, each with the number of its board.
 
-        One that names an axis is done on the board of this axis, one on the bus or at the tool once, any other on every
-        board.
+        An operation on an axis is executed on its board, one on the bus or at the tool once, any other on every board.
         """
         if operation.place is not None:
             board, axis = self.axes[operation.place]
@@ -40,9 +39,9 @@ class Places:
         return [(board, operation) for board in self._boards]
 
     def on_machine(self, board: int, operation: Operation) -> Operation | None:
-        """Return an operation on a board as one on the machine: the reverse of `on_boards`.
+        """Convert an operation on a board to one on the machine: the reverse of `on_boards`.
 
-        None: it is the one on another board than the first of an operation that is done on every board.
+        None for copies, on further boards, of an operation that is executed on every board.
         """
         if operation.place is not None:
             return operation.at(self.axes.index((board, operation.place)))
@@ -55,10 +54,10 @@ class RobotBoards:
     Attributes:
         robot: the machine.
         simulation: its boards and their bus.
-        start_steps: where its motors stood at power-up, in steps of the robot's file from their axes' zeros.
-        places: where each axis is.
-        axes: the board of each joint's axis, and the number of the axis there.
-        board_numbers: the number of each axis' board.
+        start_steps: motor positions at power-up, in steps of the robot's file from their axes' zeros.
+        places: place of each axis.
+        axes: board of each joint's axis, and the number of the axis there.
+        board_numbers: number of each axis' board.
     """
 
     def __init__(self, robot: Robot, simulation: Simulation, start_steps: Sequence[int]) -> None:
@@ -72,24 +71,24 @@ class RobotBoards:
         self.board_numbers: list[int] = [number for number, _ in self.places.axes]
 
     def check(self, operation: Operation) -> None:
-        """Raise InputError unless the machine has what an operation concerns."""
+        """Raise InputError if the machine lacks the target of an operation."""
         for number, each in self.places.on_boards(operation):
             each.check(self.simulation, number)
 
     def operate(self, operation: Operation) -> None:
-        """Execute an operation now: on the board of its axis, on the bus, at the tool, else on every board.
+        """Execute an operation now: on the board of its axis, on the bus, at the tool, or on every board.
 
         Raises:
-            InputError: the machine lacks what it concerns.
+            InputError: the machine lacks its target.
         """
         self.check(operation)
         for number, each in self.places.on_boards(operation):
             self.simulation.operate(each, number)
 
     def steps(self) -> list[float]:
-        """Return the position of each motor by the steps that its driver has made, from the joint's zero.
+        """Return the position of each motor by the steps of its driver, from the joint's zero.
 
-        It is in steps of the robot's file, a whole number of them unless the driver makes others.
+        It is in steps of the robot's file, a whole number of them if the driver makes the same steps.
         """
         return [
             start + board.position_full_steps(axis) * joint.transmission.microsteps
@@ -120,7 +119,7 @@ class RobotBoards:
 
     @property
     def environment(self) -> BoardEnvironment:
-        """What the machine is like now; what all axes of a board share is the same for all boards."""
+        """Present environment of the machine; values common to all axes of a board are those of all boards."""
         around = [board.environment for board in self.simulation.boards]
         axes, watch = tuple(axis for each in around for axis in each.axes), self.simulation.rotor_watch
         return replace(around[0], axes=axes, payload_kg=0.0 if watch is None else watch.payload_kg)

@@ -5,8 +5,12 @@ from pathlib import Path
 import pytest
 
 from steptwin.features.calibration.identification import corrected_text
-from steptwin.features.calibration.measurements import measurements_text, read_measurements, simulate_measurements
-from steptwin.host.common.file_limits import MEASUREMENTS_MAX
+from steptwin.features.calibration.measurements import (
+    MEASUREMENTS_MAX,
+    measurements_text,
+    read_measurements,
+    simulate_measurements,
+)
 from steptwin.host.robots import load_robot, parse_robot
 from steptwin.host.robots.link_errors import LinkErrors
 from steptwin.host.robots.new_file import robot_text, with_settings

@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import Final
 
-from steptwin.features.campaigns.campaign import Campaign, sources_of_file
-from steptwin.features.campaigns.reader import read_campaign
+from steptwin.features.campaigns.campaign import Campaign, read_campaign
+from steptwin.features.campaigns.sources import sources_of_file
 
 SMALL: Final = """
 runs = 6

@@ -5,7 +5,7 @@ from random import Random
 
 import pytest
 
-from steptwin.features.campaigns import reader, trial
+from steptwin.features.campaigns import campaign
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
 from tests.end_to_end.command_line import run_json
@@ -32,8 +32,8 @@ def test_everything_that_is_wrong_is_told_at_once(tmp_path: Path, capsys: pytest
     text = SMALL.replace("moves = 1", "moves = 0").replace("pressed = true", "press = true")
     file.write_text(text.replace("record_ms", "records_ms"), encoding="utf-8")
     assert run_json(capsys, "check", str(file), exit_code=2)["findings"] == [
-        "motion[0]: moves: 0 is not a whole number of at least 1",
-        "scenario[0]: teaching-scara: fault 1: press: key 'press' is unknown: did you mean pressed?",
+        "motion 1: moves: 0 is not a whole number of at least 1",
+        "scenario 1: teaching-scara: fault 1: press: key 'press' is unknown: did you mean pressed?",
         "vary: parameter 'records_ms' is unknown: did you mean record_ms?",
     ]
     told = run_json(capsys, "check", str(file), "lab-scara", exit_code=2)["findings"]
@@ -45,13 +45,13 @@ def test_many_scenarios_are_checked_in_one_motion_of_the_robot(
 ) -> None:
     """A motion planned for each of twenty thousand took a quarter of an hour."""
     planned: list[str] = []
-    moves = trial.random_moves
+    moves = campaign.random_moves
 
     def counted(robot: Robot, count: int, reach: float, random: Random) -> Trajectory:
         planned.append(robot.name)
         return moves(robot, count, reach, random)
 
-    monkeypatch.setattr(reader, "random_moves", counted)
+    monkeypatch.setattr(campaign, "random_moves", counted)
     head = SMALL[: SMALL.index("[[scenario]]")]
     fault = '[[scenario]]\nname = "{}"\n[[scenario.fault]]\ndo = "estop"\npressed = true\nat_s = 0.1\n'
     file = tmp_path / "many.toml"

@@ -8,11 +8,11 @@ from random import Random
 
 import pytest
 
-from steptwin.features.campaigns.campaign import Campaign, sources_of_file
+from steptwin.features.campaigns.campaign import Campaign, read_campaign
 from steptwin.features.campaigns.invariants import INVARIANTS
-from steptwin.features.campaigns.reader import read_campaign
 from steptwin.features.campaigns.row import Ended, schema
 from steptwin.features.campaigns.running import run_seed
+from steptwin.features.campaigns.sources import sources_of_file
 from steptwin.features.campaigns.trial import draw
 from steptwin.features.campaigns.values import drawn, read_template
 from steptwin.features.campaigns.variations import VARIATIONS, RampSource
@@ -46,7 +46,7 @@ def test_the_evening_runs(evening: Campaign) -> None:
     trials = {}
     for trial in sorted((draw(evening, seed) for seed in range(40)), key=lambda trial: -trial.trajectory.duration_s):
         trials[trial.scenario] = trial
-    assert len(trials) == len(evening.scenarios) == 4
+    assert len(trials) == len(evening.scenario) == 4
     for trial in trials.values():
         row = run_seed(evening, trial.seed)
         assert row.ended in (Ended.DONE, Ended.STOPPED)
@@ -62,7 +62,7 @@ def test_the_campaign_of_the_ar4_runs(tmp_path: Path) -> None:
     trials = {}
     for trial in sorted((draw(campaign, seed) for seed in range(30)), key=lambda trial: -trial.trajectory.duration_s):
         trials[trial.scenario] = trial
-    assert len(trials) == len(campaign.scenarios) == 4
+    assert len(trials) == len(campaign.scenario) == 4
     for trial in trials.values():
         row = run_seed(campaign, trial.seed)
         assert (trial.setup.robot.name, row.breaches, all(row.struck)) == ("ar4-mk3", (), True), row
@@ -85,7 +85,7 @@ def test_the_nightly_campaign_can_be_drawn(nightly: Campaign) -> None:
 
 def _faults(campaign: Campaign) -> Iterator[tuple[Robot, int, Fault]]:
     """Yield the faults of every scenario, drawn some times, with the number of boards."""
-    for choice in campaign.scenarios:
+    for choice in campaign.scenario:
         for number in range(8 if choice.table else 0):
             robot = campaign.robots[choice.robots[number % len(choice.robots)]]
             table = drawn(choice.table, Random(f"{choice.name} {number}"), robot)
@@ -100,7 +100,7 @@ def test_the_nightly_campaign_has_every_fault(nightly: Campaign) -> None:
 
     That is so whichever way axes move, and whether or not their drivers' fault outputs are wired.
     """
-    asked = {fault["do"] for choice in nightly.scenarios if choice.table for fault in choice.table["fault"]}
+    asked = {fault["do"] for choice in nightly.scenario if choice.table for fault in choice.table["fault"]}
     assert asked == set(REQUESTS) - {STATE}
     rows, hosts = set(), set()
     for number, (robot, boards, fault) in enumerate(_faults(nightly)):
@@ -126,8 +126,8 @@ def test_the_nightly_campaign_has_every_fault(nightly: Campaign) -> None:
 def test_the_nightly_campaign_has_crystals_boards_and_motors(nightly: Campaign) -> None:
     """What faults.md has beside the table: a crystal that is off, boards that drift apart, motors that feel a load."""
     trials = [
-        draw(replace(nightly, scenarios=(each,), robots={name: nightly.robots[name] for name in each.robots}), seed)
-        for seed, each in enumerate(nightly.scenarios)
+        draw(replace(nightly, scenario=(each,), robots={name: nightly.robots[name] for name in each.robots}), seed)
+        for seed, each in enumerate(nightly.scenario)
     ]
     assert {len(trial.setup.crystals_ppm) for trial in trials} == {1, 2}
     assert {any(trial.setup.crystals_ppm) for trial in trials if trial.setup.axes_per_board is None} == {True, False}

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from steptwin.features.campaigns.campaign import Campaign
-from steptwin.features.campaigns.trial import Trial, draw, placed
-from steptwin.features.campaigns.values import Draw
+from steptwin.features.campaigns.trial import Trial, draw
+from steptwin.features.campaigns.values import Draw, placed
 from steptwin.host.common.errors import InputError
 from tests.features.campaigns.campaigns import campaign_of
 from tests.messages import refusing

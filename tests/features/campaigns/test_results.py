@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from steptwin.features.campaigns import results as results_module
-from steptwin.features.campaigns.campaign import sources_of_file, sources_of_results
-from steptwin.features.campaigns.reader import read_campaign
+from steptwin.features.campaigns.campaign import read_campaign
 from steptwin.features.campaigns.results import Results
 from steptwin.features.campaigns.row import Breach, Ended, Row
+from steptwin.features.campaigns.sources import sources_of_file, sources_of_results
 from steptwin.host.common.errors import InputError
 from tests.features.campaigns.campaigns import SMALL
 from tests.messages import refusing
@@ -141,7 +141,7 @@ def test_a_campaign_is_kept_with_its_files(tmp_path: Path) -> None:
     sources.keep(folder, names)
     sources.keep(folder, names)  # the same campaign again
     kept, kept_names = read_campaign(sources_of_results(folder))
-    assert (kept.scenarios, kept_names) == (campaign.scenarios, names)
+    assert (kept.scenario, kept_names) == (campaign.scenario, names)
     (beside / "wave.csv").write_text("t,th1,th2,d3,th4\n0,0,90,20,0\n0.5,3,91,21,1\n", encoding="utf-8")
     with refusing(InputError):
         sources_of_file(str(file)).keep(folder, names)

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 import steptwin
-from steptwin.features.campaigns.campaign import digest_of, source_version
 from steptwin.features.campaigns.row import Ended, Row
+from steptwin.features.campaigns.sources import digest_of, source_version
 
 
 @pytest.fixture

@@ -12,6 +12,7 @@ from tests.features.captures.analyser import probes_of, seen_by, write_session
 MAPS = ["--map", "th1=D0,D1", "--map", "th2=D2,D3", "--map", "d3=D4,D5", "--map", "th4=D6,D7"]
 
 
+PATH = ["--capture", "SR", "--path", "teaching-scara carry"]
 SR = ["--capture", "SR", "--robot", "teaching-scara"]
 
 
@@ -78,6 +79,38 @@ def test_without_a_plan_and_by_every_driver(carry: Path, capsys: pytest.CaptureF
     assert "with tmc2209: misses none" in said
 
 
+@pytest.mark.slow
+def test_by_path(carry: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The folder of a run has the path; pulses that the drivers miss fail, too."""
+    words = ["verify", "--capture", str(carry / "a.sr"), *MAPS, "--path", str(carry / "carry"), "--controller", "other"]
+    code, said, _ = told(capsys, *words)
+    assert code == 0
+    lines = said.splitlines()
+    assert lines[1:3] == [
+        "step rule of other: each count within 1.20 steps of the path; any rule by which a count is within a step",
+        "by path, at any speed: 5128 steps along 67.376 mm",
+    ]
+    assert lines[-3:] == [
+        "th1 th2 d3 th4: clk_period 66.67 us (datasheet): kept",
+        "no path shows pulses that cancel before their axis turns around, such as one lost and one extra on the same"
+        " line; and by this rule one step lost or extra, if its axis ends between two steps",
+        "teaching-scara capture of carry, by path: PASSED",
+    ]
+    code, said, _ = told(capsys, *words, "--driver-profile", "slow-blue-board", "--json")
+    document = json.loads(said)
+    assert (code, document["passed"], document["path"]["passed"]) == (1, False, True)
+    assert document["reasons"][0].startswith("th1: clk_low 150 us (quoted): broken, 1064 times")
+    assert {limit["grade"] for limit in document["capture"]["limits"]} == {"quoted", "stated"}
+
+
+def test_steps_at_both_edges_have_no_limits(carry: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["verify", "--capture", str(carry / "a.sr"), *MAPS, "--path", "teaching-scara carry", "--both-edges"]
+    code, said, _ = told(capsys, *words)
+    assert code == 1
+    assert "drivers' limits are not judged: none of the drivers here steps at both edges" in said
+    assert "reason: th2 makes 2 times the planned steps: " in said
+
+
 def test_what_a_capture_holds(carry: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, said, _ = told(capsys, "capture", str(carry / "a.sr"))
     assert code == 0
@@ -93,7 +126,7 @@ def test_what_a_capture_holds(carry: Path, capsys: pytest.CaptureFixture[str]) -
         (["DIR", "--capture", "a.sr"], "DIR DIR and --capture a.sr: give only one of them"),
         (
             ["--capture", "SR"],
-            "--plan DIR or --plan 'ROBOT JOB' is missing, or --robot ROBOT without a plan",
+            "--plan DIR or --plan 'ROBOT JOB' is missing, or --path, or --robot ROBOT without a plan",
         ),
         (["--capture", "SR", "--plan", "carry"], "--plan carry: is neither a folder nor 'ROBOT JOB' nor 'ROBOT FILE'"),
         (
@@ -116,6 +149,26 @@ def test_what_a_capture_holds(carry: Path, capsys: pytest.CaptureFixture[str]) -
         (
             [*SR, "--rate", "1MHz"],
             "SR: tells its sampling rate, 8e+06 Hz: leave",
+        ),
+        ([*SR, "--controller", "grbl"], "--controller: is for --path"),
+        ([*SR, "--both-edges"], "--both-edges: is for --path"),
+        (
+            [*SR, "--path", "teaching-scara carry"],
+            "--robot teaching-scara: --path teaching-scara carry names the robot",
+        ),
+        ([*PATH, "--plan", "out"], "--path teaching-scara carry and --plan out: give only one of them"),
+        ([*PATH, "--controller", "smoothie"], "--controller smoothie: there are klipper, grbl, grblhal, marlin, linux"),
+        (
+            [*PATH, "--controller", "grbl", "--both-edges"],
+            "--both-edges: grbl steps at one edge of STEP; at both may klipper, grblhal, marlin, other",
+        ),
+        ([*PATH, "--out", "x"], "--out: is for --plan; --path has no time law"),
+        ([*PATH, "--tolerance-steps", "2"], "--tolerance-steps: is for --plan; --path has no time law"),
+        ([*PATH, "--clock-ppm", "exact"], "--clock-ppm: is for --plan; --path has no time law"),
+        (["--capture", "SR", "--path", "carry"], "--path carry: is neither a folder nor 'ROBOT JOB' nor 'ROBOT FILE'"),
+        (
+            ["--capture", "SR", "--path", "warehouse-scara drawer-pull", *MAPS],
+            "--map d3=D4,D5: axis 'd3' is unknown: there are sx",
         ),
     ],
 )

@@ -6,7 +6,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from steptwin.host.verify.clock_fit import fit_clock
-from steptwin.host.verify.clock_line import SeenSteps
+from steptwin.host.verify.clock_line import CapturedSteps
 from steptwin.host.verify.oracle import IdealSteps, ideal_steps
 from tests.host.verify.motions import expect, motion, sines, trapezoid
 
@@ -15,14 +15,14 @@ MOTION = expect(motion(10.0, *WAYS), 80.0, 40.0, 44.4)
 IDEAL = ideal_steps(MOTION.axis_motion, MOTION.steps_per_unit, (0, 0, round(9.7 * np.sin(1.0) * 44.4)))
 
 
-def seen(plan: IdealSteps, offset_s: float, ppm: float, lost: list[int], before: int) -> SeenSteps:
+def seen(plan: IdealSteps, offset_s: float, ppm: float, lost: list[int], before: int) -> CapturedSteps:
     """Return the steps of a plan by another clock, without some, and with others before the motion."""
     keep = np.ones(plan.time_s.size, np.bool_)
     keep[np.array(lost, np.int64) % plan.time_s.size] = False
     time_s = offset_s + plan.time_s[keep] * (1.0 + ppm * 1e-6)
     early_s = offset_s - 1.0 - 2e-3 * np.arange(before)[::-1]
     signs = np.concatenate([np.full(before, -1, np.int8), plan.signs[keep]])
-    return SeenSteps(np.concatenate([early_s, time_s]), signs)
+    return CapturedSteps(np.concatenate([early_s, time_s]), signs)
 
 
 @pytest.mark.slow
@@ -44,12 +44,12 @@ def test_offset_and_ratio_are_found(offset_s: float, ppm: float, lost: list[int]
 @pytest.mark.slow
 def test_an_axis_that_turns_the_other_way_and_two_that_are_swapped() -> None:
     there = [seen(plan, 1.0, 20.0, [], 0) for plan in IDEAL]
-    turned = [there[0], SeenSteps(there[1].time_s, -there[1].signs), there[2]]
+    turned = [there[0], CapturedSteps(there[1].time_s, -there[1].signs), there[2]]
     assert fit_clock(IDEAL, turned).inverted == (1,)
     assert abs(fit_clock(IDEAL, turned).ppm - 20.0) < 0.2
     assert fit_clock(IDEAL, [there[1], there[0], there[2]]).swapped == ((0, 1),)
 
 
 def test_nothing_is_found_where_nothing_moves() -> None:
-    rest = SeenSteps(np.empty(0), np.empty(0, np.int8))
+    rest = CapturedSteps(np.empty(0), np.empty(0, np.int8))
     assert not fit_clock(IDEAL, [rest] * 3).found

@@ -14,7 +14,7 @@ from steptwin.features.captures.channel_map import capture_facts
 from steptwin.features.captures.reading import read_capture
 from steptwin.host.common.errors import InputError
 from steptwin.host.verify.clock_fit import fit_clock
-from steptwin.host.verify.clock_line import SeenSteps
+from steptwin.host.verify.clock_line import CapturedSteps
 from steptwin.host.verify.oracle import IdealSteps
 
 HEAD = (
@@ -126,11 +126,11 @@ def test_the_search_grows_with_the_steps_and_not_with_the_last_instant() -> None
     times_s = np.cumsum(np.concatenate([np.linspace(0.02, 0.001, 40), np.linspace(0.001, 0.02, 40)]))
     signs = np.ones(80, np.int8)
     ideal = IdealSteps(0, times_s, signs, np.gradient(np.arange(80.0), times_s), times_s[-1:])
-    late = SeenSteps(np.append(times_s + 1.0, 1e5), np.append(signs, np.int8(1)))
+    late = CapturedSteps(np.append(times_s + 1.0, 1e5), np.append(signs, np.int8(1)))
     clock = fit_clock([ideal], [late])
     assert clock.found
     assert clock.offset_s == pytest.approx(1.0, abs=1e-6)
-    before = SeenSteps(np.append(0.5, times_s + 1e5), np.append(np.int8(1), signs))
+    before = CapturedSteps(np.append(0.5, times_s + 1e5), np.append(np.int8(1), signs))
     assert fit_clock([ideal], [before]).offset_s == pytest.approx(1e5, abs=1e-4)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from steptwin.host.verify.clock_fit import ClockFit, fit_clock
-from steptwin.host.verify.clock_line import SeenSteps
+from steptwin.host.verify.clock_line import CapturedSteps
 from steptwin.host.verify.oracle import ideal_steps
 from tests.features.captures.controllers import RULES, Clock, Moves, made_steps
 
@@ -27,7 +27,7 @@ def fitted(seed: int, rule: str, moves: int | None = None) -> tuple[ClockFit, Cl
     )
     ideal = ideal_steps(motion, per_unit, tuple(round(place) for place in (start * per_unit).tolist()))
     seen = [clock.sees(steps, random) for steps in made_steps(motion, per_unit, rule, random)]
-    return fit_clock(ideal, [SeenSteps(*steps) for steps in seen]), clock
+    return fit_clock(ideal, [CapturedSteps(*steps) for steps in seen]), clock
 
 
 @pytest.mark.slow

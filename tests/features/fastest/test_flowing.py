@@ -117,7 +117,7 @@ class TestOutputs:
 @pytest.mark.parametrize(
     ("steps", "says"),
     [
-        (line(x=-40, more="blend_mm = -1"), "step 1: blend_mm: -1 mm is not at least 0"),
+        (line(x=-40, more="blend_mm = -1"), "step 1: blend_mm: -1 is negative"),
         (
             line(x=-40, more="blend_mm = 31") + line(y=-30),
             "step 1 (by x -40, y 0): blend_mm: 31 mm is more than the leg has: 30 mm; 30 passes",

@@ -74,7 +74,7 @@ def test_the_payload_is_taken_and_left_where_the_tool_is_on_the_line_behind_the_
     begin = legs.add_joints(legs.start, np.array([60.0, 60.0, 30.0, 0.0]), JointPace(blend_mm=12.0))
     pose = tool(begin[np.newaxis])[0]
     line = StraightLine(tuple(pose.tolist()), tuple((pose + np.array([18.0, -38.0, 0.0, 0.0])).tolist()))
-    legs.add_path(begin, line, present_branch(ROBOT, begin), ToolPace(60.0))
+    legs.add_path(begin, line, present_branch(ROBOT, begin), ToolPace(speed_mm_s=60.0))
     flow = flowing(ROBOT, legs.legs, legs.radii_mm)
     unasked = cast("DriveLimits", None)  # where the payload hangs asks no drive
     load = ChainDrives(unasked, changes=((), (LoadChange(15.0, 25.0, held=True),))).along(flow, 0).load

@@ -104,7 +104,7 @@ def test_a_highest_feed_and_a_tool(tmp_path: Path) -> None:
             "step 1: part.ngc: line 1: M3: names no output of the robot; the step says",
         ),
         ("G1 X1 F60", 'outputs = { M3 = "spindle" }', "spindle"),
-        ("G1 X1 F60", 'outputs = { M99 = "gripper" }', "step 1: outputs.'M99' has no output: there are M3, M4"),
+        ("G1 X1 F60", 'outputs = { M99 = "gripper" }', "step 1: outputs: 'M99' has no output: there are M3, M4"),
         ("G1 X400 F60", "", "step 1 (gcode part.ngc): part.ngc: line 1: the tool"),
         ("G0 X400", "", "step 1 (gcode part.ngc): part.ngc: line 1: "),
         ("G1 Z-90 F60", "", "step 1 (gcode part.ngc): part.ngc: line 1: d3: "),

@@ -60,7 +60,11 @@ PLACING = Placing(np.zeros(3), np.eye(3), 0.0, (), 4)
 
 def places(head: str, lines: str) -> FloatArray:
     start = (0.0, 0.0, 0.0, 0.0)
-    moves = [each for each in actions(read_blocks(f"F600\n{head}\n{lines}"), start, start) if isinstance(each, CutMove)]
+    moves = [
+        each
+        for each in actions(read_blocks(f"F600\n{head}\n{lines}").blocks, start, start)
+        if isinstance(each, CutMove)
+    ]
     paths = [run.contour for run in cut_runs(moves, PLACING, 0.0)]
     return np.concatenate([path.poses(np.arange(0.0, path.length_mm, 0.004))[:, :2] for path in paths])
 

@@ -13,7 +13,7 @@ HOME = (100.0, 0.0, 50.0, 0.0)
 
 
 def made(text: str) -> list[GcodeAction]:
-    return list(actions(read_blocks(text), START, HOME))
+    return list(actions(read_blocks(text).blocks, START, HOME))
 
 
 def cuts(text: str) -> list[CutMove]:

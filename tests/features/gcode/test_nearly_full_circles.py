@@ -16,7 +16,7 @@ PLACING = Placing(np.zeros(3), np.eye(3), 0.0, (), 3)
 
 
 def cut(text: str) -> CutMove:
-    (move,) = (each for each in actions(read_blocks(f"F600\n{text}"), START, START) if isinstance(each, CutMove))
+    (move,) = (each for each in actions(read_blocks(f"F600\n{text}").blocks, START, START) if isinstance(each, CutMove))
     return move
 
 

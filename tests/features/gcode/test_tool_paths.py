@@ -18,7 +18,7 @@ START = (0.0, 0.0, 0.0, 0.0)
 
 
 def runs(text: str, blend_mm: float = 0.0, placing: Placing = PLACING) -> list[CutRun]:
-    moves = [each for each in actions(read_blocks(text), START, START) if isinstance(each, CutMove)]
+    moves = [each for each in actions(read_blocks(text).blocks, START, START) if isinstance(each, CutMove)]
     return cut_runs(moves, placing, blend_mm)
 
 

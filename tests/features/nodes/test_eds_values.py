@@ -7,8 +7,7 @@ import pytest
 from canopen import ObjectDictionary
 from canopen.objectdictionary import ODVariable, eds
 
-from steptwin.features.nodes.eds_nodes import read_node
-from steptwin.features.nodes.eds_objects import ENTRIES_MAX
+from steptwin.features.nodes.eds_nodes import ENTRIES_MAX, read_node
 from steptwin.features.nodes.node_objects import NodeEntry, NodeObjects
 from steptwin.host.common.errors import InputError
 from tests.features.nodes.test_simple_node import EDS

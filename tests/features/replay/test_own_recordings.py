@@ -13,7 +13,7 @@ from steptwin.features.faults.kinds.machine import EmergencyStop, SetInput, Watc
 from steptwin.features.faults.options import FaultOptions
 from steptwin.features.faults.scenario import Scenario, TriggeredFault
 from steptwin.features.faults.triggers import AtTime
-from steptwin.features.replay.command import say_result
+from steptwin.features.replay.command import print_result
 from steptwin.features.replay.power_up import MachineAtPowerUp, stored_machine
 from steptwin.features.replay.replaying import Replayed, replay
 from steptwin.host.common.errors import InputError
@@ -245,6 +245,6 @@ def test_a_scenario(
     result = replayed(tmp_path, fast_kernel)
     assert result.bus_faults == bus_faults
     assert result.equal == (not bus_faults)
-    say_result(result)
+    print_result(result)
     why = "not repeated, because no log shows them: 1 loss (loss): what differs may differ for that"
     assert (why in capsys.readouterr().out.splitlines()) == bool(bus_faults)

@@ -52,7 +52,7 @@ PLACES = [
 def test_any_message_is_understood_or_refused(value: Any) -> None:
     for text in (json.dumps(value), str(value), repr(value).encode()):
         with suppress(InputError):
-            NAMES.heard(text)
+            NAMES.parsed(text)
 
 
 @pytest.mark.slow
@@ -90,4 +90,4 @@ def test_each_goal_has_one_result_and_the_machine_rests(
 def test_a_text_that_is_no_unicode_or_endless_is_refused() -> None:
     for text in (b"\xff", "[" * 100_000, '{"op": ' + "9" * 5000 + "}"):
         with pytest.raises(InputError):
-            NAMES.heard(text)
+            NAMES.parsed(text)

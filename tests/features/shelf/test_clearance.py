@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steptwin.features.shelf import clearance
-from steptwin.features.shelf.clearance import MARGIN_MM, first_contact, ways_around
+from steptwin.features.shelf.clearance import MARGIN_MM, clear_orders, first_contact
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot
@@ -136,13 +136,13 @@ def test_a_way_that_is_blocked_only_for_all_joints_together() -> None:
     start, goal = [0.0, 0.0, 100.0, -90.0, 60.0, 30.0], [400.0, 100.0, 100.0, 0.0, 60.0, 29.0]
     contact = first_contact(ROBOT, start, goal)
     assert contact is not None
-    assert ways_around(ROBOT, start, goal) == ""  # the goal itself touches the drawer
+    assert clear_orders(ROBOT, start, goal) == ""  # the goal itself touches the drawer
     drawn_back = [400.0, 100.0, 100.0, -90.0, 60.0, 30.0]
     assert first_contact(ROBOT, start, drawn_back) is None
     over_all = [1900.0, 100.0, 100.0, -10.0, 60.0, 30.0]
     raised = [0.0, 100.0, *HOME[2:]]
     assert first_contact(ROBOT, raised, over_all) is not None
-    assert ways_around(ROBOT, raised, over_all) == "L1 th1 th2 th3"
+    assert clear_orders(ROBOT, raised, over_all) == "L1 th1 th2 th3"
 
 
 def test_a_way_of_no_length_and_a_robot_without_obstacles() -> None:

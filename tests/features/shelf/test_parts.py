@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from steptwin.features.shelf.parts import missed_presets
+from steptwin.features.shelf.jobs import missed_presets
 from steptwin.host.robots import load_robot
 
 ROBOT = load_robot("teaching-scara")

@@ -18,5 +18,5 @@ def test_a_long_run_names_the_extra(
     wall_s: float, numba: bool, said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(virtual_run, "find_spec", lambda _: object() if numba else None)
-    virtual_run.say_what_is_faster(wall_s)
+    virtual_run.print_missing_extra(wall_s)
     assert capsys.readouterr() == ("", said)

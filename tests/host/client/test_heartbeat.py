@@ -6,7 +6,7 @@ import pytest
 from steptwin.host.client import Machine, StreamedMotion
 from steptwin.host.client.lease import PERIOD_S, TIMEOUT_MS
 from steptwin.host.client.pausing import pause_trajectory
-from steptwin.host.client.stopping import await_rest
+from steptwin.host.client.stopping import await_standstill
 from steptwin.host.common.errors import DeviceFaultError
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
@@ -115,7 +115,7 @@ def test_a_silent_host_is_reported_as_lost(
         machine.wait(1.0)
     assert caught.value.exit_code == 3
     assert board.now_s() - beats_s(board)[-1] == pytest.approx(TIMEOUT_MS / 1000, abs=0.025)
-    await_rest(board, machine.axes)
+    await_standstill(board, machine.axes)
     assert [axis.error_codes for axis in machine.axes] == [[ErrorCode.HEARTBEAT_LOST]] * AXES
     assert emergencies(board) == [bytes.fromhex("308111 7f00000000")] * AXES
     assert states(machine) == [State.FAULT] * AXES

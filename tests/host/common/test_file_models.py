@@ -1,5 +1,6 @@
 """Models of files: every error of a file at once, each with its key, and the JSON schema by which editors complete."""
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -8,21 +9,9 @@ from typing import Annotated, Any, Literal
 import pytest
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_models import (
-    Choice,
-    FileReading,
-    FileTable,
-    Name,
-    NotNegative,
-    OneOf,
-    Positive,
-    Values,
-    Within,
-    json_schema,
-    read_model,
-    read_toml,
-)
-from steptwin.host.common.findings import Findings, UnreadError
+from steptwin.host.common.file_models import FileReading, FileTable, json_schema, read_model, read_toml
+from steptwin.host.common.file_values import Choice, Name, NotNegative, OneOf, Positive, TableList, Values, Within
+from steptwin.host.common.findings import Findings, Part, UnreadError
 
 
 class Side(StrEnum):
@@ -65,6 +54,17 @@ class Stay(FileTable):
     stay: NotNegative
 
 
+Step = Annotated[Any, OneOf("step", lambda: {"go": Go, "stay": Stay, "repeat": Repeat}, {"wait": "stay"})]
+
+
+@dataclass(frozen=True, slots=True)
+class Repeat(FileTable):
+    """Makes steps several times."""
+
+    repeat: Annotated[int, Within(1, 5)]
+    steps: Annotated[tuple[Step, ...], TableList("step", 3, lambda step: "wrong" if step is None else step)]
+
+
 @dataclass(frozen=True, slots=True)
 class Named(FileTable):
     """Becomes something else than itself, of its name and what the reader knows."""
@@ -87,7 +87,9 @@ class Store(FileTable):
     crates: Mapping[str, Crate] = field(default_factory=dict)
     places: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     named: Mapping[str, Annotated[Any, Named]] = field(default_factory=dict)
-    step: tuple[Annotated[Any, OneOf(lambda: {"go": Go, "stay": Stay}, "a step")], ...] = ()
+    step: tuple[Step, ...] = ()
+    numbered: Mapping[str, Annotated[tuple[Step, ...], TableList("step")] | None] = field(default_factory=dict)
+    kept: Mapping[str, float | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.wired and not self.crates:
@@ -106,13 +108,16 @@ def test_a_table_becomes_the_dataclass() -> None:
         go = "home"
         [[step]]
         stay = 0
+        [[step]]
+        repeat = 2
+        steps = [{ go = "a" }, { repeat = 3, steps = [{ stay = 1 }] }]
     """
     store = read_toml(Store, text, known="main")
     assert store.crates == {"a": Crate((1.0, 2.5), Side.RIGHT, 4.0), "b": Crate((0.0, 1.0))}
     assert type(store.crates["a"].load_kg) is float
     assert store.places == {"home": {"x": 1.0, "y": -2.5}}
     assert store.named == {"lift": "lift of main: 2"}
-    assert store.step == (Go("home", 2.0), Stay(0.0))
+    assert store.step == (Go("home", 2.0), Stay(0.0), Repeat(2, (Go("a", 2.0), Repeat(3, (Stay(1.0),)))))
     assert (store.name, store.motor, store.count, store.wired) == ("main", "17HS19", 3, False)
 
 
@@ -155,8 +160,20 @@ MISTAKES = {
     ),
     'name = "main"\n[[step]]\nstay = -1': "step 1: stay: -1 is negative",
     'name = "main"\n[[step]]\nsty = 1': "step 1: 'sty' is unknown: did you mean stay?",
-    'name = "main"\n[[step]]\nq = 1': "step 1: a step has exactly one of go, stay, not none",
-    'name = "main"\n[[step]]\ngo = "x"\nstay = 1': "step 1: a step has exactly one of go, stay, not go and stay",
+    'name = "main"\n[[step]]\nq = 1': "step 1: a step has exactly one of go, stay, repeat, not none",
+    'name = "main"\n[[step]]\ngo = "x"\nstay = 1': (
+        "step 1: a step has exactly one of go, stay, repeat, not go and stay"
+    ),
+    'name = "main"\n[[step]]\nwait = 1': "step 1: 'wait' is unknown: did you mean stay?",
+    'name = "main"\n[[step]]\nrepeat = 2\nsteps = []': "step 1: steps: has no steps",
+    'name = "main"\n[[step]]\nrepeat = 2\nsteps = [{ stay = 1 }, { stay = -1 }]': "step 1.2: stay: -1 is negative",
+    'name = "main"\n[[step]]\nrepeat = 2\nsteps = [1, 2, 3, 4]': "step 1: steps: has 4 steps, more than 3",
+    'name = "main"\n[[step]]\nrepeat = 2\nsteps = { stay = 1 }': "step 1: steps: {'stay': 1} is not a list",
+    'name = "main"\nnumbered = { up = [{ stay = 1 }, { stay = -1 }] }': "numbered.up step 2: stay: -1 is negative",
+    'name = "main"\nnumbered.up.stay = 1': (
+        "numbered.up: is a table, not a list: begin each step with [[numbered.up]], in two pairs of brackets"
+    ),
+    'name = "main"\nkept = { a = 1.5, b = "x" }': "kept.b: 'x' is not a number",
 }
 """A mistake in a file, and the one line that it gives."""
 
@@ -198,6 +215,30 @@ def test_no_mistake_hides_another() -> None:
     )
 
 
+def test_what_is_wrong_keeps_its_place() -> None:
+    """A list of tables and names that keep their places have something in place of what is wrong."""
+    findings = Findings()
+    text = """
+        name = "main"
+        kept = { a = 1.5, b = "x" }
+        [[step]]
+        repeat = 2
+        steps = [3, { stay = -1 }, { stay = 1 }]
+    """
+    store = read_model(Store, tomllib.loads(text), findings)
+    assert findings.messages == [
+        "step 1.1: 3 is not a table",
+        "step 1.2: stay: -1 is negative",
+        "kept.b: 'x' is not a number",
+    ]
+    assert store.kept == {"a": 1.5, "b": None}
+    first, second, third = store.step[0].steps
+    assert (first, third) == ("wrong", Stay(1.0))
+    assert isinstance(second, Part)
+    with pytest.raises(UnreadError):
+        second.stay  # noqa: B018
+
+
 def test_what_is_no_table_is_not_read() -> None:
     findings = Findings()
     with pytest.raises(UnreadError):
@@ -214,6 +255,8 @@ def test_the_schema_has_descriptions_units_limits_and_defaults() -> None:
     assert crate["properties"]["x_mm"]["description"] == "its ends along x. Unit: mm"
     assert crate["properties"]["load_kg"]["exclusiveMinimum"] == 0
     assert schema["properties"]["motor"]["enum"] == ["17HS19", "23HS22"]
-    go, stay = schema["properties"]["step"]["items"]["oneOf"]
+    assert schema["properties"]["step"]["items"] == {"$ref": "#/$defs/step"}
+    go, stay, repeat = schema["$defs"]["step"]["oneOf"]
+    assert repeat["properties"]["steps"]["items"] == {"$ref": "#/$defs/step"}
     assert (go["properties"]["duration_s"]["maximum"], go["properties"]["duration_s"]["default"]) == (5.0, 2.0)
     assert list(stay["properties"]) == ["stay"]

@@ -24,7 +24,6 @@ def test_values_are_read_by_key_and_type() -> None:
     assert TABLE.truth("on")
     assert (TABLE.is_null("none"), TABLE.is_null("on")) == (True, False)
     assert TABLE.elements("many") == [1]
-    assert (TABLE.optional("two", TABLE.integer), TABLE.optional("three", TABLE.integer)) == (2, None)
     assert Table({"lamp": "red"}, "table").choice("lamp", Colour) is Colour.RED
     with TABLE.section("in") as inner:
         assert inner.number("x") == 1

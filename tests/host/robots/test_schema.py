@@ -27,29 +27,33 @@ TYPES: Final[Mapping[str, Any]] = {
 }
 
 
-def misfits(value: Any, schema: Mapping[str, Any], place: str = "") -> list[str]:
+def misfits(value: Any, schema: Mapping[str, Any], place: str = "", defs: Mapping[str, Any] | None = None) -> list[str]:
     """Return the places where a value does not fit the words of JSON schema that ours use."""
-    for word in ("oneOf", "anyOf"):
-        if word in schema:
-            found = [misfits(value, each, place) for each in schema[word]]
-            return [] if any(not each for each in found) else min(found, key=len)
-    if "const" in schema:
-        return [] if value == schema["const"] else [f"{place}: {value}"]
+    defs = defs or schema.get("$defs", {})
+    schema = defs[schema["$ref"].removeprefix("#/$defs/")] if "$ref" in schema else schema
+    if one := schema.get("oneOf") or schema.get("anyOf"):
+        return min((misfits(value, each, place, defs) for each in one), key=len)
+    if "type" not in schema or "const" in schema:
+        fits = value in schema.get("enum", [schema.get("const", value)])
+        return [] if fits else [f"{place}: {value} is beyond its limits"]
     kind = schema["type"]
     if not isinstance(value, TYPES[kind]) or (isinstance(value, bool) and kind != "boolean"):
         return [f"{place}: {value} is no {kind}"]
     if kind == "object":
-        own, others = schema.get("properties", {}), schema["additionalProperties"]
+        own, others = schema.get("properties", {}), schema.get("additionalProperties", {})
         wrong = [f"{place}.{key}: is missing" for key in schema.get("required", ()) if key not in value]
         for key, each in value.items():
             inner = own.get(key, others)
-            wrong += [f"{place}.{key}: is unknown"] if inner is False else misfits(each, inner, f"{place}.{key}")
+            if inner is False:
+                wrong.append(f"{place}.{key}: is unknown")
+            elif inner is not True:
+                wrong += misfits(each, inner, f"{place}.{key}", defs)
         return wrong
     if kind == "array":
         kinds = schema.get("prefixItems") or [schema["items"]] * len(value)
         assert not schema.get("prefixItems") or len(value) == schema["minItems"] == schema["maxItems"]
         pairs = enumerate(zip(value, kinds, strict=True))
-        return [each for i, pair in pairs for each in misfits(*pair, f"{place}[{i}]")]
+        return [each for i, pair in pairs for each in misfits(*pair, f"{place}[{i}]", defs)]
     beyond = (
         value not in schema.get("enum", [value])
         or (kind in ("number", "integer") and value < schema.get("minimum", value))
@@ -62,6 +66,8 @@ def misfits(value: Any, schema: Mapping[str, Any], place: str = "") -> list[str]
 
 def keys_in(schema: Mapping[str, Any], place: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Yield each key of the schema, with its place and its own schema."""
+    for name, each in schema.get("$defs", {}).items():
+        yield from keys_in(each, f"{name}:")
     for word in ("oneOf", "anyOf"):
         for each in schema.get(word, ()):
             yield from keys_in(each, place)

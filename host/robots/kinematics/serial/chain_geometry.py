@@ -16,7 +16,8 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_models import FileReading, FileTable, ReadBy, read_table, table_schema
+from steptwin.host.common.file_models import FileReading, FileTable, read_table, table_schema
+from steptwin.host.common.file_values import ReadBy
 from steptwin.host.common.findings import UnreadError, check_all, judged
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics.base import dimension

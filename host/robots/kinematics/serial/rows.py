@@ -16,7 +16,8 @@ from typing import Annotated, Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.common.file_models import FileTable, Values
+from steptwin.host.common.file_models import FileTable
+from steptwin.host.common.file_values import Values
 from steptwin.host.robots.kinematics.dh import Convention, DhParameter, DhRow
 from steptwin.host.robots.poses.rotations import matrix, of_rpy_deg
 

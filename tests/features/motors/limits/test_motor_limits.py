@@ -144,8 +144,8 @@ def test_motors_limit_no_other_law() -> None:
     ("limits", "message"),
     [
         ('[limits]\nfrom = "motor"', "limits.from: 'motor' is not one of motors"),
-        (LIMITS.format(left=91), "limits.left_percent: 91 % is not from 0 to 90 %"),
-        (LIMITS.format(left=-1), "limits.left_percent: -1 % is not from 0 to 90 %"),
+        (LIMITS.format(left=91), "limits.left_percent: 91.0 % is outside 0..90 %; the nearest is 90 %"),
+        (LIMITS.format(left=-1), "limits.left_percent: -1.0 % is outside 0..90 %; the nearest is 0 %"),
         ("[limits]\nleft_percent = 30", "limits.from: is missing"),
         ('[limits]\nfrom = "motors"\nleft = 30', "limits.left"),
     ],

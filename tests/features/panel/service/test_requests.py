@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from steptwin.features.panel.service.commands import Command, DeclareHere, Enable, Jog, JointJog, ResetFaults
-from steptwin.features.panel.service.guards import OperatorPlace, Stop, StopAskedError, StopRequests
+from steptwin.features.panel.service.guards import OperatorPlace, Stop, StopRequestedError, StopRequests
 from steptwin.features.panel.service.history import EVENTS_MAX, EventLog, History, Severity
 from steptwin.features.panel.service.messages import RefusedError
 from steptwin.features.panel.service.service import MachineService, Order
@@ -68,7 +68,7 @@ def raised(stops: StopRequests) -> bool:
     try:
         with stops.sending():
             return False
-    except StopAskedError:
+    except StopRequestedError:
         return True
 
 
@@ -99,7 +99,7 @@ def test_an_emergency_stop_ends_a_stop_too_and_is_not_lost() -> None:
 def test_a_machine_that_was_stopped_already_only_ends_the_work() -> None:
     stops = StopRequests()
     stops.ask(Stop.VOID)
-    with refusing(StopAskedError), stops.sending():
+    with refusing(StopRequestedError), stops.sending():
         raise AssertionError("a frame was sent")
     assert (stops.answer(), raised(stops)) == (Stop.VOID, False)
     stops.done(Stop.VOID)

@@ -158,12 +158,12 @@ def test_the_page_s_pallet_has_24_cells_in_few_lines() -> None:
             + '[[step]]\neach = ["box", "tray"]\nsteps = [{ pause = 1.0 }]\n',
             "step 1: each: pallets that are visited at once have as many cells: box has 12 and tray has 16",
         ),
-        (BOX.replace("count = 3", "count = 0") + VISIT, "pallets.box: along.count: 0 is not at least 1"),
+        (BOX.replace("count = 3", "count = 0") + VISIT, "pallets.box.along.count: 0 is below 1"),
         (
             BOX.replace("pitch = { x = 10.0 }", "pitch = { x = 10.0 }, to = { x = 90.0 }") + VISIT,
-            "pallets.box: along.has exactly one of `to`",
+            "pallets.box.along: has exactly one of `to`",
         ),
-        (BOX + 'frame = "tabel"\n' + FRAME + VISIT, "pallets.box: frame: 'tabel' is unknown: did you mean table?"),
+        (BOX + 'frame = "tabel"\n' + FRAME + VISIT, "pallets.box.frame: 'tabel' is unknown: did you mean table?"),
         (BOX.replace("z = -95.0, ", "") + VISIT, "pallets.box: first: z: is missing: the first cell has x, y and z"),
         (BOX + 'order = ["along", "up"]\n' + VISIT, "pallets.box: order: is not all of along, across, up, each once"),
         (

@@ -5,10 +5,10 @@ import pytest
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.programs import parse_program, read_program
-from steptwin.host.planning.programs.paces import JointPace, LawName, ToolPace
+from steptwin.host.planning.programs.paces import LawName
 from steptwin.host.planning.programs.positions import JointPosition, ToolPosition
 from steptwin.host.planning.programs.program import Call, Program, Repeat
-from steptwin.host.planning.programs.steps import CircleStep, GoStep, LineStep, OutputStep, PauseStep
+from steptwin.host.planning.programs.steps import Centre, CircleStep, GoStep, LineStep, OutputStep, PauseStep
 from tests.messages import refusing
 
 GOOD = """
@@ -58,11 +58,11 @@ def test_a_program_is_read_as_it_is_written() -> None:
         "b": ToolPosition({"x": 100.0, "y": 50.0}, "left"),
     }
     assert program.sequences == {"blink": (OutputStep("gripper", on=True),)}
-    line = LineStep(ToolPosition({"z": -50.0}), ToolPace(20.0))
+    line = LineStep(ToolPosition({"z": -50.0}), speed_mm_s=20.0)
     assert program.steps == (
-        GoStep("b", JointPace(LawName.QUINTIC, duration_s=2.0)),
+        GoStep("b", law=LawName.QUINTIC, duration_s=2.0),
         Repeat(2, (Call("blink"), line)),
-        CircleStep(90.0, 50.0, 360.0, True, ToolPace(5.0)),
+        CircleStep(Centre(90.0, 50.0), turned=True, speed_mm_s=5.0),
         PauseStep(0.25),
     )
 
@@ -89,6 +89,7 @@ def test_everything_that_is_wrong_is_found_at_once() -> None:
         speed_mm_s = 1
         """
     ) == [
+        "titel: key 'titel' is unknown: did you mean title?",
         "positions.a: th1: beside x; a position is either of joints or of the tool",
         "positions.b: names neither a joint nor one of the tool's coordinates x, y, z, phi nor an orientation",
         "step 1: speed: key 'speed' is unknown: did you mean speed_percent?",
@@ -97,7 +98,6 @@ def test_everything_that_is_wrong_is_found_at_once() -> None:
         "go, line, arc, circle, through, by, output, wait, pause, call, gcode, repeat, each, not none",
         "step 4.2: speed_mm_s: -4 is not above 0",
         "step 5: by.branch: a relative move keeps the branch",
-        "titel: key 'titel' is unknown: did you mean title?",
     ]
 
 
@@ -108,6 +108,12 @@ def test_everything_that_is_wrong_is_found_at_once() -> None:
         ('goto = "a"', "'goto' is unknown: did you mean go?"),
         ('goto = "a"\npause = 1', "goto: key 'goto' is unknown: "),
         ('go = "a"\nline = "a"', "a step has exactly one of "),
+        ('go = { at = "a", offset = { zed = 1 } }', "go.offset: 'zed' is unknown: there are x, y, z, phi"),
+        ('go = { at = "a", cell = "b" }', "go.at: beside cell; a position is beside one of them"),
+        ("line = { cell = 3 }\nspeed_mm_s = 3", "line.cell: 3 is not a text"),
+        ('through = ["a", 3]\nspeed_mm_s = 3', "through[1]: 3 is not a name or table"),
+        ('line = "a"\nspeed_mm_s = 3\noutputs = [{ at_mm = 1 }]', "outputs[0]: names 0 outputs; one change is such"),
+        ('go = "a"\nblend_mm = 1\nlaw = "cubic"', "law: 'cubic' beside blend_mm; a motion that flows on is timed as"),
         ('go = "a"\nspeed_percent = 0', "speed_percent: 0 is not above 0 and up to 100"),
         ('go = "a"\nspeed_percent = 100.1', "speed_percent: 100.1 is not above 0 and up to 100"),
         ('go = "a"\nspeed_percent = 5\nduration_s = 1', "speed_percent: beside duration_s; a joint move takes one"),
@@ -130,8 +136,8 @@ def test_everything_that_is_wrong_is_found_at_once() -> None:
         ('arc = { via = "a", too = "b" }\nspeed_mm_s = 3', "arc.too: key 'too' is unknown: did you mean to?"),
         ("circle = { x = 1 }\nspeed_mm_s = 3", "circle.y: is missing"),
         ('through = "a"\nspeed_mm_s = 3', "through: 'a' is not a list"),
-        ("repeat = 0\nsteps = []", "repeat: 0 is not from 1 to 10000"),
-        ("repeat = 10001\nsteps = []", "repeat: 10001 is not from 1 to 10000"),
+        ("repeat = 0\nsteps = [{ pause = 1 }]", "repeat: 0 is not from 1 to 10000"),
+        ("repeat = 10001\nsteps = [{ pause = 1 }]", "repeat: 10001 is not from 1 to 10000"),
         ("repeat = 2", "steps: is missing"),
         ('output = "gripper"', "on: is missing"),
         ('wait = "part_ready"\ntimeout_s = 3', "on: is missing"),

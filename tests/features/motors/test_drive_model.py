@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from steptwin.features.motors.limits import override
+from steptwin.features.motors import drive_model
 from steptwin.features.motors.turning.after_run import first_slip
 from steptwin.features.motors.turning.driving import Driving
 from steptwin.host.client.pausing import change_speed
@@ -86,8 +86,11 @@ def test_a_motion_that_slips_as_planned_is_made_no_faster() -> None:
 
 
 def test_what_takes_too_long_to_turn_is_made_no_faster(turned: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(override, "LOOK_S", 1e-6)
-    assert override.held_speed(turned, 150) == (100, "its motors: to turn them beforehand takes more than 1e-06 s")
+    monkeypatch.setattr(drive_model, "LOOK_S", 1e-6)
+    assert drive_model.highest_speed(turned, 150) == (
+        100,
+        "its motors: to turn them beforehand takes more than 1e-06 s",
+    )
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,7 @@ from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
-from steptwin.features.motors.evidence import RotorFacts, RotorsSoFar
-from steptwin.features.motors.judge import contradictions, document, read, reasons, stored
+from steptwin.features.motors.evidence import RotorFacts, RotorsSoFar, contradictions, document, read, reasons, stored
 from steptwin.host.common.tables import Table, json_table
 from steptwin.host.robots import load_robot
 from tests.host.complaints import complaint_of
