@@ -7,7 +7,8 @@ from typing import Annotated, Final
 
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_models import FileTable, Within, check_limits
+from steptwin.host.common.file_models import FileTable
+from steptwin.host.common.file_values import Within, check_limits
 from steptwin.host.common.findings import Findings
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.cia402 import DigitalInput
