@@ -18,7 +18,7 @@ import numpy as np
 from steptwin.features.fastest.corners import Flow, MotionLeg, RoundedLegs, flowing
 from steptwin.features.fastest.drives import DrivesOnPath, LoadChange, PathLoad
 from steptwin.features.fastest.executed import LimitedPath, TimedPath, UntimedError, timed
-from steptwin.features.fastest.rows import PathRates
+from steptwin.features.fastest.rows import PathRates, machine_average_s
 from steptwin.features.fastest.worthwhile_stops import StoppingPath, doubtful, worthwhile
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.planning_time import check_planning_time
@@ -82,10 +82,6 @@ def drives_along(limits: DriveLimits, rates: PathRates, load: PathLoad) -> Drive
     return drives
 
 
-AVERAGE_S: Final = 0.05
-"""Usual time over which a motion is averaged: half of what a joint move's S-curve takes to its acceleration."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class TimedChain:
     """A part of a chain, from rest to rest. It may stop in some of its corners.
@@ -137,7 +133,6 @@ def timed_chains(
     legs: Sequence[MotionLeg],
     radii_mm: Sequence[float],
     from_ms: int = 0,
-    average_s: float = AVERAGE_S,
     drives: ChainDrives | None = None,
 ) -> list[TimedChain]:
     """Return the motion through legs, whose corners are rounded so far, as parts from rest to rest.
@@ -146,7 +141,7 @@ def timed_chains(
     part; with drives it is as fast as they manage, averaged over their time, and one part from stop to stop. Raises
     CornerError as `flowing`, and for a part that the drives do not manage, with its first leg.
     """
-    return _Chain(robot, RoundedLegs.of(robot, legs, radii_mm), average_s, drives).timed(from_ms)
+    return _Chain(robot, RoundedLegs.of(robot, legs, radii_mm), drives).timed(from_ms)
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,13 +150,12 @@ class _Chain:
 
     robot: Robot
     legs: RoundedLegs
-    average_s: float
     drives: ChainDrives | None
 
     def timed(self, from_ms: int) -> list[TimedChain]:
         flow = self.legs.flow()
         at_s, radii_mm = (np.array(each) for each in ([c.s for c in flow.corners], [c.r_mm for c in flow.corners]))
-        corners = doubtful(self.robot, flow.path, at_s, radii_mm, self.average_s)
+        corners = doubtful(self.robot, flow.path, at_s, radii_mm)
         with _at_its_leg(flow, 0):
             stops, apart_s = worthwhile(self.robot, corners, self._stop_in) if corners else ([], np.inf)
         if self.drives is not None:
@@ -175,14 +169,15 @@ class _Chain:
     def _stop_in(self, stops: Sequence[int]) -> StoppingPath:
         flow = self.legs.flow(stops)
         if self.drives is None:
-            return StoppingPath(flow.path, flow.stops, self.average_s)
+            return StoppingPath(flow.path, flow.stops, machine_average_s(self.robot, flow.path.rates()))
         drives = self.drives.along(flow, 0)
         on_path = drives_along(drives.limits, flow.path.rates(), drives.load)
         return StoppingPath(flow.path, flow.stops, on_path.average_s, on_path)
 
     def _timed(self, flow: Flow, from_ms: int) -> TimedChain:
+        average_s = machine_average_s(self.robot, flow.path.rates())
         with _at_its_leg(flow, 0):
-            return TimedChain(0, flow, timed(self.robot, flow.path, self.average_s, from_ms, stops=flow.stops))
+            return TimedChain(0, flow, timed(self.robot, flow.path, average_s, from_ms, stops=flow.stops))
 
     def _driven(self, stops: Sequence[int], from_ms: int, limits: ChainDrives) -> list[TimedChain]:
         """Return the parts from stop to stop, in each of which rotors turn."""

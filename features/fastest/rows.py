@@ -14,6 +14,7 @@ from typing import Final, Self
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
 
 
@@ -106,6 +107,32 @@ class PathLimits:
             np.concatenate([self.accelerations, self.accelerations], axis=1),
             np.minimum(by_joints, by_tool) ** 2,
         )
+
+
+AVERAGE_S: Final = 0.05
+"""Time over which a motion is averaged without `jerk_max`: half of what a joint move's S-curve takes to accelerate."""
+_AVERAGE_LEAST_S: Final = 0.01
+"""Least such time: PVT records of 10 ms, halved down to 2 ms, hold no shorter one."""
+_MOVES: Final = 1e-6
+"""Part of the most moved joint's speed below which a joint stands."""
+
+
+def moved_joints(robot: Robot, rates: PathRates) -> tuple[Joint, ...]:
+    """Return the joints that move on a path."""
+    used = np.abs(rates.first).max(axis=0) / np.array([joint.speed_max for joint in robot.joints])
+    return tuple(joint for joint, part in zip(robot.joints, used, strict=True) if part > _MOVES * used.max())
+
+
+def machine_average_s(robot: Robot, rates: PathRates) -> float:
+    """Return the time over which a motion along a path is averaged, by the jerk of the joints that move.
+
+    On a straight path the jerk of a motion is at most twice its acceleration over that time.
+    """
+    each = [
+        AVERAGE_S if joint.jerk_max is None else 2.0 * joint.acceleration_max / joint.jerk_max
+        for joint in moved_joints(robot, rates)
+    ]
+    return max(_AVERAGE_LEAST_S, *each)
 
 
 def with_axes(robot: Robot, joints: FloatArray) -> FloatArray:

@@ -12,6 +12,7 @@ import numpy as np
 
 from steptwin.features.fastest.drives import DrivesOnPath
 from steptwin.features.fastest.executed import LimitedPath, lasting_s
+from steptwin.features.fastest.rows import machine_average_s
 from steptwin.features.fastest.solve import fastest_squares
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.robot import Robot
@@ -37,7 +38,7 @@ StopIn = Callable[[Sequence[int]], StoppingPath]
 """Returns the path that stops in some of the corners, by their numbers, and rounds the others."""
 
 
-def doubtful(robot: Robot, path: LimitedPath, at_s: FloatArray, radii_mm: FloatArray, average_s: float) -> list[int]:
+def doubtful(robot: Robot, path: LimitedPath, at_s: FloatArray, radii_mm: FloatArray) -> list[int]:
     """Return the corners that are passed in hardly more than the time of averaging, which makes the motion slower.
 
     Corners are rounded so far, 0 where two legs flow into each other, and passed at these parameters of the path. One
@@ -48,7 +49,9 @@ def doubtful(robot: Robot, path: LimitedPath, at_s: FloatArray, radii_mm: FloatA
     speeds = np.sqrt(np.interp(at_s, rates.s, squares))
     legs = np.sqrt(np.maximum.reduceat(squares, np.append(0, np.searchsorted(rates.s, at_s))))
     slows = speeds < _AS_FAST * np.maximum(legs[:-1], legs[1:])
-    found = np.flatnonzero((radii_mm > 0.0) & slows & (2.0 * radii_mm < _DOUBTFUL * speeds * average_s))
+    found = np.flatnonzero(
+        (radii_mm > 0.0) & slows & (2.0 * radii_mm < _DOUBTFUL * speeds * machine_average_s(robot, rates))
+    )
     return found.tolist() if len(found) >= _FEW * len(at_s) else []
 
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from steptwin.features.fastest.chain import AVERAGE_S
 from steptwin.features.fastest.contour import Contour, ContourPath
 from steptwin.features.fastest.executed import TimedPath, UntimedError, timed
 from steptwin.features.fastest.pieces import FollowedPath
+from steptwin.features.fastest.rows import machine_average_s
 from steptwin.features.fastest.worthwhile_stops import StoppingPath, doubtful, worthwhile
 from steptwin.features.gcode.blocks import GcodeBlock, read_blocks
 from steptwin.features.gcode.cut_runs import CutRun, Placing, cut_runs
@@ -292,13 +292,13 @@ class _Way:
     def fastest(self, from_ms: int) -> tuple["_Way", TimedPath]:
         """Return the way with the stops that make it faster, and its motion, which begins at a time of the program."""
         run = self.run
-        corners = doubtful(self.robot, self.path, run.begins_mm[1:], run.radii_mm, AVERAGE_S)
+        corners = doubtful(self.robot, self.path, run.begins_mm[1:], run.radii_mm)
         if not corners:
             return self, self.timed(from_ms)
 
         def stop_in(corners: Sequence[int]) -> StoppingPath:
             way = self._stopping_in(corners)
-            return StoppingPath(way.path, way.run.stops_mm, AVERAGE_S)
+            return StoppingPath(way.path, way.run.stops_mm, machine_average_s(self.robot, way.path.rates()))
 
         stops, apart_s = worthwhile(self.robot, corners, stop_in)
         way = self._stopping_in(stops)
@@ -310,8 +310,9 @@ class _Way:
 
     def timed(self, from_ms: int) -> TimedPath:
         """Return its motion; raise InputError, with the line, if there is none."""
+        average_s = machine_average_s(self.robot, self.path.rates())
         try:
-            return timed(self.robot, self.path, AVERAGE_S, from_ms, stops=self.run.stops_mm)
+            return timed(self.robot, self.path, average_s, from_ms, stops=self.run.stops_mm)
         except UntimedError as error:
             raise InputError(f"{self.where(error.s)} {error}") from error
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
-from steptwin.features.fastest.chain import AVERAGE_S
 from steptwin.features.fastest.executed import UntimedError, timed
 from steptwin.features.fastest.pieces import FollowedPath, JointPiece, PiecewisePath
+from steptwin.features.fastest.rows import AVERAGE_S
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.planning_time import PlanningTimeError, plan_within
 from steptwin.host.planning.motions.whole import Pace
