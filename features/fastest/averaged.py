@@ -17,18 +17,18 @@ _TIME_S: Final = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Averaged:
-    """The moving average over `average_s` of a parameter that is a parabola between knots, and stretched a little.
+    """The moving average of a parameter that is a parabola between knots, and stretched a little.
 
     The average is continuous in its acceleration; where the parameter's acceleration is at most a, its jerk is at most
     2 a / average_s. It consists of runs from rest to rest, one without stops. The duration of a run is that of its
-    parameter plus `average_s`, rounded up to a whole millisecond: that is the stretch. Made by `of`.
+    parameter plus its `average_s`, rounded up to a whole millisecond: that is the stretch. Made by `of`.
 
     Attributes:
         times_s: shape (n,), the knots before averaging, rising from 0.
         s: shape (n,), the parameter at the knots.
         speeds: shape (n,), its speed at the knots; 0 at both ends of each run.
         areas: shape (n,), the integral of the parameter up to the knots.
-        average_s: time over which it is averaged, above 0.
+        average_s: shape (runs,), times over which they are averaged, above 0.
         rests: shape (runs + 1,), the knots in which runs begin, and the last one.
         begins_s: shape (runs + 1,), whole milliseconds when runs begin, and the end.
     """
@@ -37,7 +37,7 @@ class Averaged:
     s: FloatArray
     speeds: FloatArray
     areas: FloatArray
-    average_s: float
+    average_s: FloatArray
     rests: Int64Array
     begins_s: FloatArray
 
@@ -46,7 +46,7 @@ class Averaged:
         cls,
         s: FloatArray,
         squares: FloatArray,
-        average_s: float,
+        average_s: FloatArray | float,
         slower: FloatArray | float = 1.0,
         stops: FloatArray = NO_STOPS,
     ) -> Self:
@@ -65,10 +65,9 @@ class Averaged:
         grown = dt_s * (own_s[:-1] + dt_s * (speeds[:-1] / 2.0 + dt_s * u / 6.0))
         areas = np.concatenate([[0.0], np.cumsum(grown)])
         rests = np.concatenate([[0], np.searchsorted(own_s, stops), [len(own_s) - 1]])
-        lasts_ms = np.ceil(1000.0 * slower * (np.diff(times_s[rests]) + average_s) - 1e-6)
-        return cls(
-            times_s, own_s, speeds, areas, average_s, rests, np.concatenate([[0.0], np.cumsum(lasts_ms) / 1000.0])
-        )
+        each_s = np.broadcast_to(average_s, len(rests) - 1)
+        lasts_ms = np.ceil(1000.0 * slower * (np.diff(times_s[rests]) + each_s) - 1e-6)
+        return cls(times_s, own_s, speeds, areas, each_s, rests, np.concatenate([[0.0], np.cumsum(lasts_ms) / 1000.0]))
 
     @property
     def duration_s(self) -> float:
@@ -90,12 +89,12 @@ class Averaged:
         run = self.run_at(t_s)
         shrinks = self.least_s / self.lasts_s
         late = (t_s - self.begins_s[run]) * shrinks[run]
-        early = late - self.average_s
-        (area, s), (area_before, s_before) = self._raw(run, late), self._raw(run, early)
-        value = (area - area_before) / self.average_s
+        average_s = self.average_s[run]
+        (area, s), (area_before, s_before) = self._raw(run, late), self._raw(run, late - average_s)
+        value = (area - area_before) / average_s
         begin, end = self.s[self.rests[run]], self.s[self.rests[run + 1]]
         value = np.where(t_s <= self.begins_s[run], begin, np.where(t_s >= self.begins_s[run + 1], end, value))
-        return value, (s - s_before) / self.average_s * shrinks[run]
+        return value, (s - s_before) / average_s * shrinks[run]
 
     def time_at(self, s: float) -> float:
         """Return the time in seconds when the parameter is first at a value; it rises everywhere in a run."""

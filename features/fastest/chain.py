@@ -19,7 +19,7 @@ from steptwin.features.fastest.corners import Flow, MotionLeg, RoundedLegs, flow
 from steptwin.features.fastest.drives import DrivesOnPath, LoadChange, PathLoad
 from steptwin.features.fastest.executed import LimitedPath, TimedPath, UntimedError, timed
 from steptwin.features.fastest.rows import PathRates, machine_average_s
-from steptwin.features.fastest.worthwhile_stops import StoppingPath, doubtful, worthwhile
+from steptwin.features.fastest.worthwhile_stops import StoppingPath, doubtful, fastest_with_stops, worthwhile
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.planning.drives import DriveLimits
@@ -156,15 +156,18 @@ class _Chain:
         flow = self.legs.flow()
         at_s, radii_mm = (np.array(each) for each in ([c.s for c in flow.corners], [c.r_mm for c in flow.corners]))
         corners = doubtful(self.robot, flow.path, at_s, radii_mm)
-        with _at_its_leg(flow, 0):
-            stops, apart_s = worthwhile(self.robot, corners, self._stop_in) if corners else ([], np.inf)
         if self.drives is not None:
+            with _at_its_leg(flow, 0):
+                stops = worthwhile(self.robot, corners, self._stop_in)[0] if corners else []
             return self._driven(stops, from_ms, self.drives)
-        found = self._timed(self.legs.flow(stops) if stops else flow, from_ms)
-        if found.timed.law.duration_s > apart_s and stops != corners:
-            apart = self._timed(self.legs.flow(corners), from_ms)
-            found = min(found, apart, key=lambda chain: chain.timed.law.duration_s)
-        return [found]
+
+        def make(stops: Sequence[int]) -> tuple[Flow, TimedPath]:
+            way = self.legs.flow(stops) if stops else flow
+            average_s = machine_average_s(self.robot, way.path.rates())
+            return way, timed(self.robot, way.path, average_s, from_ms, stops=way.stops)
+
+        with _at_its_leg(flow, 0):
+            return [TimedChain(0, *fastest_with_stops(self.robot, corners, self._stop_in, make))]
 
     def _stop_in(self, stops: Sequence[int]) -> StoppingPath:
         flow = self.legs.flow(stops)
@@ -173,11 +176,6 @@ class _Chain:
         drives = self.drives.along(flow, 0)
         on_path = drives_along(drives.limits, flow.path.rates(), drives.load)
         return StoppingPath(flow.path, flow.stops, on_path.average_s, on_path)
-
-    def _timed(self, flow: Flow, from_ms: int) -> TimedChain:
-        average_s = machine_average_s(self.robot, flow.path.rates())
-        with _at_its_leg(flow, 0):
-            return TimedChain(0, flow, timed(self.robot, flow.path, average_s, from_ms, stops=flow.stops))
 
     def _driven(self, stops: Sequence[int], from_ms: int, limits: ChainDrives) -> list[TimedChain]:
         """Return the parts from stop to stop, in each of which rotors turn."""

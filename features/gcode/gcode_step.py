@@ -12,7 +12,7 @@ from steptwin.features.fastest.contour import Contour, ContourPath
 from steptwin.features.fastest.executed import TimedPath, UntimedError, timed
 from steptwin.features.fastest.pieces import FollowedPath
 from steptwin.features.fastest.rows import machine_average_s
-from steptwin.features.fastest.worthwhile_stops import StoppingPath, doubtful, worthwhile
+from steptwin.features.fastest.worthwhile_stops import StoppingPath, doubtful, fastest_with_stops
 from steptwin.features.gcode.blocks import GcodeBlock, read_blocks
 from steptwin.features.gcode.cut_runs import CutRun, Placing, cut_runs
 from steptwin.features.gcode.modal import CutMove, Dwell, GcodeAction, HomeMove, OutputWord, RapidMove, Spot, actions
@@ -293,20 +293,16 @@ class _Way:
         """Return the way with the stops that make it faster, and its motion, which begins at a time of the program."""
         run = self.run
         corners = doubtful(self.robot, self.path, run.begins_mm[1:], run.radii_mm)
-        if not corners:
-            return self, self.timed(from_ms)
 
         def stop_in(corners: Sequence[int]) -> StoppingPath:
             way = self._stopping_in(corners)
             return StoppingPath(way.path, way.run.stops_mm, machine_average_s(self.robot, way.path.rates()))
 
-        stops, apart_s = worthwhile(self.robot, corners, stop_in)
-        way = self._stopping_in(stops)
-        made = way.timed(from_ms)
-        if made.law.duration_s <= apart_s or stops == corners:
-            return way, made
-        apart = self._stopping_in(corners)
-        return min((way, made), (apart, apart.timed(from_ms)), key=lambda found: found[1].law.duration_s)
+        def make(corners: Sequence[int]) -> tuple[_Way, TimedPath]:
+            way = self._stopping_in(corners)
+            return way, way.timed(from_ms)
+
+        return fastest_with_stops(self.robot, corners, stop_in, make)
 
     def timed(self, from_ms: int) -> TimedPath:
         """Return its motion; raise InputError, with the line, if there is none."""
