@@ -1,20 +1,22 @@
 """A step that leads the tool as a file of G-code says."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from steptwin.features.fastest.averaged import Averaged
 from steptwin.features.fastest.contour import Contour, ContourPath
 from steptwin.features.fastest.executed import TimedPath, UntimedError, timed
 from steptwin.features.fastest.pieces import FollowedPath
-from steptwin.features.fastest.rows import machine_average_s
+from steptwin.features.fastest.rows import machine_average_s, squares_in_bends
+from steptwin.features.fastest.solve import fastest_squares
 from steptwin.features.fastest.worthwhile_stops import StoppingPath, doubtful, fastest_with_stops
 from steptwin.features.gcode.blocks import GcodeBlock, read_blocks
-from steptwin.features.gcode.cut_runs import CutRun, Placing, cut_runs
+from steptwin.features.gcode.cut_runs import CutRun, Placing, curved, cut_runs
 from steptwin.features.gcode.modal import CutMove, Dwell, GcodeAction, HomeMove, OutputWord, RapidMove, Spot, actions
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import prefixed, shortened, unknown
@@ -222,13 +224,31 @@ class _Cutting:
         """Make the moves that wait, without a stop but where corners need it."""
         if not self._waiting:
             return
-        for run in cut_runs(self._waiting, self._placing, self._step.blend_mm):
-            self._take(run)
+        for way in self._better(list(self._ways(self._waiting))):
+            self._take(way)
         self._waiting.clear()
 
-    def _take(self, run: CutRun) -> None:
-        composer = self._moves.composer
-        way = _Way.of(self._robot, composer.joints, self._step, run)
+    def _ways(self, moves: Sequence[CutMove]) -> Iterator["_Way"]:
+        """Yield the runs of moves with their joints, each from where the one before ends."""
+        joints = self._moves.composer.joints
+        for run in cut_runs(moves, self._placing, self._step.blend_mm):
+            way = _Way.of(self._robot, joints, self._step, run)
+            yield way
+            joints = way.path.followed.end
+
+    def _better(self, ways: list["_Way"]) -> list["_Way"]:
+        """Return the runs, or those with short lines taken for arcs if these are faster."""
+        moves = curved(self._waiting)
+        if len(moves) == len(self._waiting):
+            return ways
+        try:
+            with_arcs = list(self._ways(moves))
+        except InputError:  # an arc is out of reach where its lines are not
+            return ways
+        return min(ways, with_arcs, key=lambda runs: sum(way.least_s for way in runs))
+
+    def _take(self, way: "_Way") -> None:
+        composer, run = self._moves.composer, way.run
         self._check_range(way)
         begins_s = composer.now_s
         with planning_step(f"{self._step.file}: {way.where(0.0)} a path of {len(run.contour.lengths_mm)} pieces"):
@@ -303,6 +323,16 @@ class _Way:
             return way, way.timed(from_ms)
 
         return fastest_with_stops(self.robot, corners, stop_in, make)
+
+    @property
+    def least_s(self) -> float:
+        """About how long its motion takes, if bends are passed so slowly that they may be averaged."""
+        rates, limits = self.path.rates(), self.path.limits()
+        average_s = machine_average_s(self.robot, rates)
+        rows = limits.rows(self.robot, rates)
+        in_bends = squares_in_bends(self.robot, rates, limits, average_s)
+        squares = fastest_squares(rates.s, replace(rows, x_max=np.minimum(rows.x_max, in_bends)))
+        return Averaged.of(rates.s, squares, average_s).duration_s
 
     def timed(self, from_ms: int) -> TimedPath:
         """Return its motion; raise InputError, with the line, if there is none."""
