@@ -241,7 +241,8 @@ def rosette() -> FloatArray:
     """Return a curve of six leaves as 1199 short lines."""
     angle = np.linspace(0.0, 2.0 * np.pi, 1200)
     r_mm = 40.0 + 10.0 * np.cos(6.0 * angle)
-    return np.round(np.column_stack([r_mm * np.cos(angle) - 50.0, r_mm * np.sin(angle)]), 4)
+    places = np.column_stack([r_mm * np.cos(angle) - 50.0, r_mm * np.sin(angle)])
+    return np.asarray(np.round(places, 4), np.float64)
 
 
 _HEAD: Final = """
@@ -324,8 +325,9 @@ class _Spline(toppra.interpolator.AbstractGeometricPath):  # type: ignore[misc]
 
 def fitted_optimum_s(points: FloatArray, off_mm: float) -> float:
     """Return the optimum on the smoothest spline that passes all points within a distance, by toppra."""
-    fitted = None
+    fitted: Any = None
     for smoothing in off_mm**2 * len(points) * 0.5 ** np.arange(12):
+        knots: Any
         knots, u = scipy.interpolate.splprep(points.T, s=float(smoothing), k=5)
         if np.linalg.norm(np.column_stack(scipy.interpolate.splev(u, knots)) - points, axis=1).max() <= off_mm:
             fitted = knots

@@ -5,12 +5,13 @@ weighed by dynamic programming over windows of the parts between them, which tak
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 
 from steptwin.features.fastest.drives import DrivesOnPath
-from steptwin.features.fastest.executed import LimitedPath, TimedPath, lasting_s
+from steptwin.features.fastest.executed import LimitedPath, TimedPath, UntimedError, lasting_s
 from steptwin.features.fastest.rows import machine_average_s
 from steptwin.features.fastest.solve import fastest_squares
 from steptwin.host.common.arrays import FloatArray
@@ -73,7 +74,8 @@ def fastest_with_stops(
     none = stop_in(())
     for others, lasts_s in ((list(corners), apart_s), ([], float(_lasting_s(robot, none)[0]) if stops else np.inf)):
         if others != stops and lasts_s < found[1].law.duration_s:
-            found = min(found, make(others), key=lambda each: each[1].law.duration_s)
+            with suppress(UntimedError):
+                found = min(found, make(others), key=lambda each: each[1].law.duration_s)
     return found
 
 

@@ -48,12 +48,13 @@ def _goes_on(first: CutMove, second: CutMove, go_together: Callable[[CutMove, Cu
 def _fitted(group: Sequence[CutMove]) -> list[CutMove]:
     """Return lines in a row as arcs and lines."""
     places = np.array([group[0].start[:2], *(move.goal[:2] for move in group)])
-    off_mm, found, i = group[0].corner.merge_mm, list[CutMove](), 0
+    off_mm = group[0].corner.merge_mm
+    found, i = list[CutMove](), 0
     while i < len(group):
         check_planning_time()
-        most = min(len(group), i + _LINES_MAX)
-        straight = max(i + 1, _longest(i + 2, most, lambda end, begin=i: _is_line(places[begin : end + 1], off_mm)))
-        curved = _longest(i + _LINES_MIN, most, lambda end, begin=i: _arc(places[begin : end + 1], off_mm) is not None)
+        ahead = places[i : i + _LINES_MAX + 1]
+        straight = i + max(1, _longest(2, ahead, lambda own: _is_line(own, off_mm)))
+        curved = i + _longest(_LINES_MIN, ahead, lambda own: _arc(own, off_mm) is not None)
         arc = _arc(places[i : curved + 1], off_mm) if curved > straight else None
         if arc is None:
             found += group[i:straight]
@@ -64,18 +65,19 @@ def _fitted(group: Sequence[CutMove]) -> list[CutMove]:
     return found
 
 
-def _longest(least: int, most: int, fits: Callable[[int], bool]) -> int:
-    """Return the last end that fits, found by doubling and halving; 0 if the least does not."""
-    if least > most or not fits(least):
+def _longest(least: int, places: FloatArray, fits: Callable[[FloatArray], bool]) -> int:
+    """Return how many lines through the first places fit, found by doubling and halving; 0 if the least do not."""
+    most = len(places) - 1
+    if least > most or not fits(places[: least + 1]):
         return 0
-    end, step = least, 1
-    while end + step <= most and fits(end + step):
-        end, step = end + step, 2 * step
+    count, step = least, 1
+    while count + step <= most and fits(places[: count + step + 1]):
+        count, step = count + step, 2 * step
     while step:
-        if end + step <= most and fits(end + step):
-            end += step
+        if count + step <= most and fits(places[: count + step + 1]):
+            count += step
         step //= 2
-    return end
+    return count
 
 
 def _is_line(places: FloatArray, off_mm: float) -> bool:

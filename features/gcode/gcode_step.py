@@ -335,12 +335,12 @@ class _Way:
         return Averaged.of(rates.s, squares, average_s).duration_s
 
     def timed(self, from_ms: int) -> TimedPath:
-        """Return its motion; raise InputError, with the line, if there is none."""
+        """Return its motion; raise UntimedError, with the line, if there is none."""
         average_s = machine_average_s(self.robot, self.path.rates())
         try:
             return timed(self.robot, self.path, average_s, from_ms, stops=self.run.stops_mm)
         except UntimedError as error:
-            raise InputError(f"{self.where(error.s)} {error}") from error
+            raise UntimedError(f"{self.where(error.s)} {error}", error.s) from error
 
     def _stopping_in(self, corners: Sequence[int]) -> "_Way":
         return _Way.of(self.robot, self.start, self.step, self.run.stopping_in(corners)) if corners else self
