@@ -57,20 +57,23 @@ def driven(
     """
     rates = path.rates()
     drives = drives_along(limits, rates, load)
-    average_s, refused = drives.average_s, ""
+    smoother, refused = 1.0, ""
     for number, change in enumerate((_Change(), *_CHANGES[:tries]), 1):
         check_planning_time()
-        average_s *= change.smoother
+        smoother *= change.smoother
         if change.left_percent:
             limits = limits.left_more(change.left_percent)
             drives = drives_along(limits, rates, load)
-        found = timed(robot, path, average_s, from_ms, drives)
-        trial = drives.tried(found.motion, found.law.at(found.motion.curve.x)[0], average_s)
+        own = drives.smoother(smoother)
+        found = timed(robot, path, own.average_s, from_ms, own)
+        trial = own.tried(found.motion, found.law.at(found.motion.curve.x)[0])
         if not trial.refused:
             return replace(found, drives=replace(trial.answer, tries=number))
         refused = f"{trial.refused} in a motion that leaves {trial.answer.left_percent:.0f} % of the torque"
     changed = f", the last of {tries + 1} that were tried" if tries else ""
-    raise WeakDrivesError(f"{refused}, averaged over {average_s:.3f} s{changed}: the motors do not keep step")
+    raise WeakDrivesError(
+        f"{refused}, averaged over {trial.answer.average_s:.3f} s{changed}: the motors do not keep step"
+    )
 
 
 def drives_along(limits: DriveLimits, rates: PathRates, load: PathLoad) -> DrivesOnPath:

@@ -14,6 +14,7 @@ import numpy as np
 from steptwin.features.fastest.averaged import NO_STOPS, Averaged
 from steptwin.features.fastest.drives import DrivesOnPath
 from steptwin.features.fastest.rows import AVERAGE_S, PathLimits, PathRates, Rows, squares_in_bends, with_axes
+from steptwin.features.fastest.shaper import NO_SHAPER, Shaper
 from steptwin.features.fastest.solve import Bounds, Solver, fastest_squares
 from steptwin.features.fastest.straight_runs import ramps, straight_runs
 from steptwin.host.common.arrays import FloatArray, Int64Array
@@ -264,7 +265,7 @@ class _Timing:
         """Return the path's parameter by time for squares of its speed; straight runs have their S-curves."""
         places, average_s = self.rates.s, np.full(len(self.slower), self.average_s)
         if not self.straight:
-            return Averaged.of(places, squares, average_s, self.slower, self.stops)
+            return Averaged.of(places, squares, average_s, self.slower, self.stops, self.torques.shaper)
         seams = np.searchsorted(places, self.stops) + 1
         parts = list(zip(np.split(places, seams), np.split(squares, seams), strict=True))
         for run, curve in self.straight.items():
@@ -383,6 +384,11 @@ class _Torques:
             self.squares = fastest_squares(self.rates.s, with_torques)
         return self.squares
 
+    @property
+    def shaper(self) -> Shaper:
+        """What shapes a motion so that the arm does not swing on its drives."""
+        return NO_SHAPER if self.drives is None else self.drives.shaper
+
     def used(self, motion: Sampled, law: Averaged) -> FloatArray:
         """Return the part of its torque that each drive uses, shape (records, axes)."""
         times_s = np.asarray(motion.curve.x)
@@ -472,8 +478,8 @@ class _Use:
         """Return the first place and the one after the last that each record is averaged from, all of its run."""
         run = law.run_at(self.ends_s[:-1])
         begin_s, end_s = law.begins_s[run], law.begins_s[run + 1]
-        from_s, _ = law.at(np.clip(self.ends_s[:-1] - law.average_s[run], begin_s, end_s))
-        until_s, _ = law.at(np.clip(self.ends_s[1:] + law.average_s[run], begin_s, end_s))
+        from_s, _ = law.at(np.clip(self.ends_s[:-1] - law.spans_s[run], begin_s, end_s))
+        until_s, _ = law.at(np.clip(self.ends_s[1:] + law.spans_s[run], begin_s, end_s))
         # where two runs meet the place stands twice: once for each
         bounds = np.concatenate([[0], np.searchsorted(places, law.s[law.rests[1:-1]]) + 1, [len(places)]])
         firsts, lasts = np.searchsorted(places, from_s, side="left"), np.searchsorted(places, until_s, side="right")
