@@ -143,11 +143,17 @@ def _with_better_start(timing: "_Timing") -> "_Timing":
     seams = np.concatenate([s[:1], (s[ends[:-1]] + s[begins[1:]]) / 2.0, s[-1:]])
     lasts_s = [np.diff(each.passed(_ROUGH_PASSES, _NEARLY).law.times_at(seams)) for each in (timing, slow)]
     is_faster = lasts_s[1] < lasts_s[0]
-    if is_faster.all() or not is_faster.any():
-        return slow if is_faster.all() else timing
+    if not slow.is_hopeful:
+        return timing
+    if is_faster.all() or not timing.is_hopeful:
+        return slow
+    if not is_faster.any():
+        return timing
     near = np.clip(np.searchsorted(seams, s, side="right") - 1, 0, len(begins) - 1)
     mixed = timing.starting_below(np.where(is_faster[near], in_bends, np.inf))
-    return min((timing, slow, mixed), key=lambda each: each.passed(_ROUGH_PASSES, _NEARLY).law.duration_s)
+    mixed.passed(_ROUGH_PASSES, _NEARLY)
+    hopeful = [each for each in (timing, slow, mixed) if each.is_hopeful]
+    return min(hopeful, key=lambda each: each.passed(_ROUGH_PASSES, _NEARLY).law.duration_s)
 
 
 def lasting_s(
@@ -247,6 +253,11 @@ class _Timing:
             self.passes += 1
         return self.last
 
+    @property
+    def is_hopeful(self) -> bool:
+        """Whether further passes can make the last one keep all limits."""
+        return self.last is not None and bool((self.last.highest <= _SLOWER_MAX).all())
+
     def tried(self) -> _Tried:
         """Return the motion within the present limits, and what it uses of those that are asked for."""
         check_planning_time()
@@ -320,12 +331,6 @@ class _Timing:
         """Whether records are halved where their own acceleration is beyond a limit, not the path's."""
         return self.average_s < AVERAGE_S or self.passes >= _ROUGH_PASSES
 
-    @staticmethod
-    def _is_worth_passes(tried: _Tried) -> bool:
-        """Return whether further passes help, and save more than a part of a millisecond."""
-        later_s = tried.law.least_s * (tried.highest - 1.0)
-        return bool((tried.highest <= _SLOWER_MAX).all() and (later_s > _HARDLY_S).any())
-
     def correct(self, number: int, tried: _Tried) -> None:
         """Lower what a pass of a number exceeds; raise UntimedError if nothing helps."""
         law, use, places = tried.law, tried.use, self.rates.s
@@ -334,7 +339,9 @@ class _Timing:
             self.rows = self.limits.rows(self.robot, self.rates)
             self.torques.lower(tried.torques, *use.reached(law, places))
         elif number <= _ROUGH_PASSES or (
-            number <= min(_PASSES, _WORK_MAX / len(places)) and self._is_worth_passes(tried)
+            number <= min(_PASSES, _WORK_MAX / len(places))
+            and self.is_hopeful
+            and (law.least_s * (tried.highest - 1.0) > _HARDLY_S).any()
         ):
             self.caps = np.minimum(self.caps, tried.squares / use.factors(tried.torques, law, places))
         else:
