@@ -2,7 +2,8 @@
 
 A word prints only some of them: `timing` those of the kernel's step timing beside a DDA, Bresenham and Austin's ramp,
 `kinematics` those of poses and joints, `programs` those of a six-axis arm's programs,
-`fastest` those of motions as fast as the limits allow, `motor-limited` those of motions as fast as the motors manage,
+`fastest` those of motions as fast as the limits allow, `beside-others` the same beside toppra and a look-ahead,
+`motor-limited` those of motions as fast as the motors manage,
 `package` those of the wheel's size and of start-up, `panel` those of the operator's panel, `motors` those of motors
 after a run, `live-motors [PAIRS]` those of motors that turn with a live board, `workers` that of a campaign's workers,
 `firmware` those of a user's own firmware, `images` those of images for the STM32F103, and `live` those of a live board,
@@ -33,11 +34,22 @@ from steptwin.bench.step_methods.motions import all_motions
 from steptwin.bench.step_methods.table import measured, print_figures
 from steptwin.controller.motion.backend import KERNELS, Kernel
 
+
+def _beside_others() -> Iterator[Table]:
+    """Compare fastest motions with toppra, which only a checkout has, and with a look-ahead."""
+    from steptwin.bench.fastest_beside_others import growth_table, look_ahead_table, toppra_table
+
+    yield toppra_table()
+    yield look_ahead_table()
+    yield growth_table()
+
+
 _WORDS: Final[dict[str, Callable[..., Iterable[Table | str]]]] = {
     "timing": lambda: _step_methods(_kernels()[-1]),
     "kinematics": lambda: [kinematics_table(), arms_table()],
     "programs": lambda: programs_tables(_kernels()),
     "fastest": lambda: [motions_table(), gcode_table(), corners_text()],
+    "beside-others": _beside_others,
     "motor-limited": lambda: [motor_limited_table(), random_text()],
     "package": package_tables,
     "panel": panel_tables,

@@ -139,11 +139,11 @@ def _picks() -> Iterator[str]:
 
 def _glues() -> Iterator[str]:
     for speed_mm_s, average_s in ((60.0, 0.02), (60.0, 0.05), (120.0, 0.02), (120.0, 0.05), (250.0, 0.05)):
-        legs = _glue(Pace(100.0, speed_mm_s))
+        legs = glue_legs(Pace(100.0, speed_mm_s))
         yield _row(f"glue of 343 mm at {speed_mm_s:g} mm/s", legs, [0.0] * (len(legs) - 1), average_s, speed_mm_s)
 
 
-def _glue(pace: Pace) -> list[ToolLeg]:
+def glue_legs(pace: Pace) -> list[ToolLeg]:
     """Return three lines of 100, 80 and 100 mm with quarter circles of 20 mm radius between them."""
     here: tuple[float, ...] = GLUE_START
     branch, legs = "right", list[ToolLeg]()

@@ -13,11 +13,12 @@ from typing import Final, Literal
 import numpy as np
 import scipy
 
-from steptwin.features.fastest.chain import AVERAGE_S, ChainDrives, driven, timed_chains
+from steptwin.features.fastest.chain import ChainDrives, driven, timed_chains
 from steptwin.features.fastest.corners import JointLeg, MotionLeg, ToolLeg
 from steptwin.features.fastest.drives import PathLoad
 from steptwin.features.fastest.executed import timed
 from steptwin.features.fastest.pieces import FollowedPath, JointPiece, PiecewisePath
+from steptwin.features.fastest.rows import machine_average_s
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
@@ -146,7 +147,7 @@ class _Made:
 
     def _along(self, path: PiecewisePath, from_ms: int) -> Trajectory:
         if self.drives is None:
-            return timed(self.robot, path, AVERAGE_S, from_ms).motion
+            return timed(self.robot, path, machine_average_s(self.robot, path.rates()), from_ms).motion
         return driven(self.robot, path, self.drives, PathLoad(self._is_held), from_ms).motion
 
     def _curve(self, part: Trajectory) -> Iterator[Trajectory]:

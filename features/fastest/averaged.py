@@ -5,6 +5,7 @@ from typing import Any, Final, Self
 
 import numpy as np
 
+from steptwin.features.fastest.shaper import NO_SHAPER, Shaper
 from steptwin.host.common.arrays import FloatArray, Int64Array
 
 NO_STOPS: Final = np.zeros(0)
@@ -17,38 +18,42 @@ _TIME_S: Final = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Averaged:
-    """The moving average over `average_s` of a parameter that is a parabola between knots, and stretched a little.
+    """The moving average of a parameter that is a parabola between knots, and stretched a little.
 
     The average is continuous in its acceleration; where the parameter's acceleration is at most a, its jerk is at most
-    2 a / average_s. It consists of runs from rest to rest, one without stops. The duration of a run is that of its
-    parameter plus `average_s`, rounded up to a whole millisecond: that is the stretch. Made by `of`.
+    2 a / average_s. A shaper adds up parts of it. It consists of runs from rest to rest, one without stops. A run lasts
+    as long as its parameter, its `average_s` and the last delay of the shaper, rounded up to a whole millisecond: that
+    is the stretch. Made by `of`.
 
     Attributes:
         times_s: shape (n,), the knots before averaging, rising from 0.
         s: shape (n,), the parameter at the knots.
         speeds: shape (n,), its speed at the knots; 0 at both ends of each run.
         areas: shape (n,), the integral of the parameter up to the knots.
-        average_s: time over which it is averaged, above 0.
+        average_s: shape (runs,), times over which they are averaged, above 0.
         rests: shape (runs + 1,), the knots in which runs begin, and the last one.
         begins_s: shape (runs + 1,), whole milliseconds when runs begin, and the end.
+        shaper: what the average is shaped by.
     """
 
     times_s: FloatArray
     s: FloatArray
     speeds: FloatArray
     areas: FloatArray
-    average_s: float
+    average_s: FloatArray
     rests: Int64Array
     begins_s: FloatArray
+    shaper: Shaper = NO_SHAPER
 
     @classmethod
     def of(
         cls,
         s: FloatArray,
         squares: FloatArray,
-        average_s: float,
+        average_s: FloatArray | float,
         slower: FloatArray | float = 1.0,
         stops: FloatArray = NO_STOPS,
+        shaper: Shaper = NO_SHAPER,
     ) -> Self:
         """Return the average for squares of the speed at places, both of shape (n,); the square is even in between.
 
@@ -65,10 +70,10 @@ class Averaged:
         grown = dt_s * (own_s[:-1] + dt_s * (speeds[:-1] / 2.0 + dt_s * u / 6.0))
         areas = np.concatenate([[0.0], np.cumsum(grown)])
         rests = np.concatenate([[0], np.searchsorted(own_s, stops), [len(own_s) - 1]])
-        lasts_ms = np.ceil(1000.0 * slower * (np.diff(times_s[rests]) + average_s) - 1e-6)
-        return cls(
-            times_s, own_s, speeds, areas, average_s, rests, np.concatenate([[0.0], np.cumsum(lasts_ms) / 1000.0])
-        )
+        each_s = np.broadcast_to(average_s, len(rests) - 1)
+        lasts_ms = np.ceil(1000.0 * slower * (np.diff(times_s[rests]) + each_s + shaper.delays_s[-1]) - 1e-6)
+        begins_s = np.concatenate([[0.0], np.cumsum(lasts_ms) / 1000.0])
+        return cls(times_s, own_s, speeds, areas, each_s, rests, begins_s, shaper)
 
     @property
     def duration_s(self) -> float:
@@ -83,19 +88,27 @@ class Averaged:
     @property
     def least_s(self) -> FloatArray:
         """Shape (runs,), the durations before they are stretched."""
-        return np.diff(self.times_s[self.rests]) + self.average_s
+        return np.diff(self.times_s[self.rests]) + self.spans_s
+
+    @property
+    def spans_s(self) -> FloatArray:
+        """Shape (runs,), the times before an instant on which the parameter there depends."""
+        return self.average_s + self.shaper.delays_s[-1]
 
     def at(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the parameter and its speed at times of shape (n,) in [0, duration_s]."""
         run = self.run_at(t_s)
         shrinks = self.least_s / self.lasts_s
         late = (t_s - self.begins_s[run]) * shrinks[run]
-        early = late - self.average_s
-        (area, s), (area_before, s_before) = self._raw(run, late), self._raw(run, early)
-        value = (area - area_before) / self.average_s
+        average_s, value, rate = self.average_s[run], np.zeros(len(t_s)), np.zeros(len(t_s))
+        for part, delay_s in zip(*self.shaper, strict=True):
+            area, s = self._raw(run, late - delay_s)
+            area_before, s_before = self._raw(run, late - delay_s - average_s)
+            value += part * ((area - area_before) / average_s)
+            rate += part * ((s - s_before) / average_s)
         begin, end = self.s[self.rests[run]], self.s[self.rests[run + 1]]
         value = np.where(t_s <= self.begins_s[run], begin, np.where(t_s >= self.begins_s[run + 1], end, value))
-        return value, (s - s_before) / self.average_s * shrinks[run]
+        return value, rate * shrinks[run]
 
     def time_at(self, s: float) -> float:
         """Return the time in seconds when the parameter is first at a value; it rises everywhere in a run."""

@@ -18,8 +18,8 @@ import numpy as np
 from steptwin.features.fastest.corners import Flow, MotionLeg, RoundedLegs, flowing
 from steptwin.features.fastest.drives import DrivesOnPath, LoadChange, PathLoad
 from steptwin.features.fastest.executed import LimitedPath, TimedPath, UntimedError, timed
-from steptwin.features.fastest.rows import PathRates
-from steptwin.features.fastest.worthwhile_stops import StoppingPath, doubtful, worthwhile
+from steptwin.features.fastest.rows import PathRates, machine_average_s
+from steptwin.features.fastest.worthwhile_stops import StoppingPath, doubtful, fastest_with_stops, worthwhile
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.planning.drives import DriveLimits
@@ -57,20 +57,23 @@ def driven(
     """
     rates = path.rates()
     drives = drives_along(limits, rates, load)
-    average_s, refused = drives.average_s, ""
+    smoother, refused = 1.0, ""
     for number, change in enumerate((_Change(), *_CHANGES[:tries]), 1):
         check_planning_time()
-        average_s *= change.smoother
+        smoother *= change.smoother
         if change.left_percent:
             limits = limits.left_more(change.left_percent)
             drives = drives_along(limits, rates, load)
-        found = timed(robot, path, average_s, from_ms, drives)
-        trial = drives.tried(found.motion, found.law.at(found.motion.curve.x)[0], average_s)
+        own = drives.smoother(smoother)
+        found = timed(robot, path, own.average_s, from_ms, own)
+        trial = own.tried(found.motion, found.law.at(found.motion.curve.x)[0])
         if not trial.refused:
             return replace(found, drives=replace(trial.answer, tries=number))
         refused = f"{trial.refused} in a motion that leaves {trial.answer.left_percent:.0f} % of the torque"
     changed = f", the last of {tries + 1} that were tried" if tries else ""
-    raise WeakDrivesError(f"{refused}, averaged over {average_s:.3f} s{changed}: the motors do not keep step")
+    raise WeakDrivesError(
+        f"{refused}, averaged over {trial.answer.average_s:.3f} s{changed}: the motors do not keep step"
+    )
 
 
 def drives_along(limits: DriveLimits, rates: PathRates, load: PathLoad) -> DrivesOnPath:
@@ -80,10 +83,6 @@ def drives_along(limits: DriveLimits, rates: PathRates, load: PathLoad) -> Drive
     except InputError as error:
         raise WeakDrivesError(str(error)) from error
     return drives
-
-
-AVERAGE_S: Final = 0.05
-"""Usual time over which a motion is averaged: half of what a joint move's S-curve takes to its acceleration."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,7 +136,6 @@ def timed_chains(
     legs: Sequence[MotionLeg],
     radii_mm: Sequence[float],
     from_ms: int = 0,
-    average_s: float = AVERAGE_S,
     drives: ChainDrives | None = None,
 ) -> list[TimedChain]:
     """Return the motion through legs, whose corners are rounded so far, as parts from rest to rest.
@@ -146,7 +144,7 @@ def timed_chains(
     part; with drives it is as fast as they manage, averaged over their time, and one part from stop to stop. Raises
     CornerError as `flowing`, and for a part that the drives do not manage, with its first leg.
     """
-    return _Chain(robot, RoundedLegs.of(robot, legs, radii_mm), average_s, drives).timed(from_ms)
+    return _Chain(robot, RoundedLegs.of(robot, legs, radii_mm), drives).timed(from_ms)
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,34 +153,32 @@ class _Chain:
 
     robot: Robot
     legs: RoundedLegs
-    average_s: float
     drives: ChainDrives | None
 
     def timed(self, from_ms: int) -> list[TimedChain]:
         flow = self.legs.flow()
         at_s, radii_mm = (np.array(each) for each in ([c.s for c in flow.corners], [c.r_mm for c in flow.corners]))
-        corners = doubtful(self.robot, flow.path, at_s, radii_mm, self.average_s)
-        with _at_its_leg(flow, 0):
-            stops, apart_s = worthwhile(self.robot, corners, self._stop_in) if corners else ([], np.inf)
+        corners = doubtful(self.robot, flow.path, at_s, radii_mm)
         if self.drives is not None:
+            with _at_its_leg(flow, 0):
+                stops = worthwhile(self.robot, corners, self._stop_in)[0] if corners else []
             return self._driven(stops, from_ms, self.drives)
-        found = self._timed(self.legs.flow(stops) if stops else flow, from_ms)
-        if found.timed.law.duration_s > apart_s and stops != corners:
-            apart = self._timed(self.legs.flow(corners), from_ms)
-            found = min(found, apart, key=lambda chain: chain.timed.law.duration_s)
-        return [found]
+
+        def make(stops: Sequence[int]) -> tuple[Flow, TimedPath]:
+            way = self.legs.flow(stops) if stops else flow
+            average_s = machine_average_s(self.robot, way.path.rates())
+            return way, timed(self.robot, way.path, average_s, from_ms, stops=way.stops)
+
+        with _at_its_leg(flow, 0):
+            return [TimedChain(0, *fastest_with_stops(self.robot, corners, self._stop_in, make))]
 
     def _stop_in(self, stops: Sequence[int]) -> StoppingPath:
         flow = self.legs.flow(stops)
         if self.drives is None:
-            return StoppingPath(flow.path, flow.stops, self.average_s)
+            return StoppingPath(flow.path, flow.stops, machine_average_s(self.robot, flow.path.rates()))
         drives = self.drives.along(flow, 0)
         on_path = drives_along(drives.limits, flow.path.rates(), drives.load)
         return StoppingPath(flow.path, flow.stops, on_path.average_s, on_path)
-
-    def _timed(self, flow: Flow, from_ms: int) -> TimedChain:
-        with _at_its_leg(flow, 0):
-            return TimedChain(0, flow, timed(self.robot, flow.path, self.average_s, from_ms, stops=flow.stops))
 
     def _driven(self, stops: Sequence[int], from_ms: int, limits: ChainDrives) -> list[TimedChain]:
         """Return the parts from stop to stop, in each of which rotors turn."""

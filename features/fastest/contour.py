@@ -135,7 +135,7 @@ def polynomials(coefficients: FloatArray, piece: Int64Array, part: FloatArray, o
     return values
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class ContourPath:
     """A contour with the joints that follow it; implements LimitedPath."""
 
@@ -145,6 +145,10 @@ class ContourPath:
 
     def rates(self) -> PathRates:
         """Return the joints' path at the contour's places; where two pieces meet, on both sides."""
+        return self._rates
+
+    @cached_property
+    def _rates(self) -> PathRates:
         contour, kinematics, (piece, part) = self.contour, self.followed.kinematics, self.contour.looked_at
         ends = np.append(np.flatnonzero(np.diff(piece)), len(piece) - 1)
         s = contour.starts_mm[piece] + part * contour.lengths_mm[piece]

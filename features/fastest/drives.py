@@ -4,11 +4,12 @@ A motor is the emulator's. So who knows the motors hands them in (`host/planning
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 
 from steptwin.features.fastest.rows import Rows
+from steptwin.features.fastest.shaper import Shaper
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.planning.drives import DriveAnswer
 from steptwin.host.planning.motions.sampled import Sampled
@@ -60,7 +61,16 @@ class DrivesOnPath(Protocol):
 
     @property
     def average_s(self) -> float:
-        """Time over which a motion is averaged, so that the arm does not swing on its motors."""
+        """Time over which a motion is averaged."""
+        ...
+
+    @property
+    def shaper(self) -> Shaper:
+        """What shapes it in addition, so that the arm does not swing on its motors."""
+        ...
+
+    def smoother(self, factor: float) -> Self:
+        """Return the same drives with motions that are averaged and shaped over so much more time."""
         ...
 
     @property
@@ -82,6 +92,6 @@ class DrivesOnPath(Protocol):
         """
         ...
 
-    def tried(self, motion: Sampled, s: FloatArray, average_s: float) -> DriveTrial:
+    def tried(self, motion: Sampled, s: FloatArray) -> DriveTrial:
         """Turn the rotors by the motion, and by a faster one."""
         ...

@@ -13,7 +13,7 @@ from typing import Final, Self
 
 import numpy as np
 
-from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.robots.robot import Robot
 
 
@@ -106,6 +106,57 @@ class PathLimits:
             np.concatenate([self.accelerations, self.accelerations], axis=1),
             np.minimum(by_joints, by_tool) ** 2,
         )
+
+
+AVERAGE_S: Final = 0.05
+"""Time over which a motion is averaged without `jerk_max`: half of what a joint move's S-curve takes to accelerate."""
+_AVERAGE_LEAST_S: Final = 0.01
+"""Least such time: PVT records of 10 ms, halved down to 2 ms, hold no shorter one."""
+_LEAST_STEP: Final = 1e-12
+"""Part of a path below which a step between places has no third derivative: there the curvature jumps."""
+_MOVES: Final = 1e-6
+"""Part of the most moved joint's speed below which a joint stands."""
+
+
+def moved_joints(robot: Robot, first: FloatArray) -> BoolArray:
+    """Return which joints move on a path, of shape (joints,), from their derivatives of shape (n, joints)."""
+    used = np.abs(first).max(axis=0) / np.array([joint.speed_max for joint in robot.joints])
+    return np.asarray(used > _MOVES * used.max())
+
+
+def jerks_max(robot: Robot) -> FloatArray:
+    """Return the highest jerks of the joints, shape (joints,): infinite without `jerk_max`, else what records hold."""
+    return np.array(
+        [
+            np.inf if joint.jerk_max is None else min(joint.jerk_max, 2.0 * joint.acceleration_max / _AVERAGE_LEAST_S)
+            for joint in robot.joints
+        ]
+    )
+
+
+def machine_average_s(robot: Robot, rates: PathRates) -> float:
+    """Return the time over which a motion along a path is averaged, by the jerk of the joints that move.
+
+    On a straight path the jerk of a motion is at most twice its acceleration over that time.
+    """
+    jerks, accelerations = jerks_max(robot), np.array([joint.acceleration_max for joint in robot.joints])
+    each = np.where(np.isinf(jerks), AVERAGE_S, 2.0 * accelerations / jerks)
+    return float(each[moved_joints(robot, rates.first)].max())
+
+
+def squares_in_bends(robot: Robot, rates: PathRates, limits: PathLimits, average_s: float) -> FloatArray:
+    """Return the squares of speeds up to which a bend changes accelerations little in the averaging time, shape (n,).
+
+    At the speed v a path changes an acceleration by q''' v^3 in each second: in that time by twice the limit at most.
+    """
+    second, steps = with_axes(robot, rates.second), np.diff(rates.s)
+    moved = np.flatnonzero(steps > _LEAST_STEP * rates.s[-1])
+    third = np.zeros_like(second)
+    each = np.abs(second[moved + 1] - second[moved]) / steps[moved, np.newaxis]
+    for places in (moved, moved + 1):
+        np.maximum.at(third, places, each)
+    with np.errstate(divide="ignore"):
+        return np.asarray(((2.0 * limits.accelerations / (average_s * third)) ** (2.0 / 3.0)).min(axis=1))
 
 
 def with_axes(robot: Robot, joints: FloatArray) -> FloatArray:

@@ -34,7 +34,8 @@ def fastest_squares(s: FloatArray, rows: Rows) -> FloatArray:
 
     The rows belong to the places. Where a place stands twice, the motion keeps the limits before and after it.
     """
-    return Solver.of(s, rows).squares(rows.c, rows.x_max)
+    solver = Solver.of(s, rows)
+    return solver.squares(solver.bounds(rows.c), rows.x_max)
 
 
 class Solver(NamedTuple):
@@ -62,19 +63,35 @@ class Solver(NamedTuple):
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             return cls(steps, a, b, b / a)
 
-    def squares(self, limits: FloatArray, x_max: FloatArray) -> FloatArray:
-        """Return the squares for limits of shape (n, rows), and for the highest squares of shape (n,)."""
-        is_long = len(x_max) >= _LONG or "numba" in sys.modules
-        loops = _compiled() if is_long and find_spec("numba") else _PLAIN
+    def bounds(self, limits: FloatArray) -> "Bounds":
+        """Return what limits of shape (n, rows) mean for each interval by itself."""
         c = np.concatenate([limits[:-1], limits[1:]], axis=1)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             heights = c / self.a
-        most = np.minimum(x_max, np.append(loops.alone(self.a, self.slopes, heights, self.b, c), np.inf))
+        loops = _loops(len(limits))
+        return Bounds(heights, np.append(loops.alone(self.a, self.slopes, heights, self.b, c), np.inf))
+
+    def squares(self, bounds: "Bounds", x_max: FloatArray) -> FloatArray:
+        """Return the squares for the bounds of limits, and for the highest squares of shape (n,)."""
+        loops, heights = _loops(len(x_max)), bounds.heights
+        most = np.minimum(x_max, bounds.most)
         most[-1] = 0.0
         loops.controllable(self.steps, self.a, self.slopes, heights, most)
         squares = np.zeros(len(x_max))
         loops.driven(self.steps, self.a, self.slopes, heights, most, squares)
         return squares
+
+
+class Bounds(NamedTuple):
+    """Limits of a path's intervals.
+
+    Attributes:
+        heights: shape (intervals, rows), c / a.
+        most: shape (intervals + 1,), the highest x for which the rows of an interval leave an acceleration.
+    """
+
+    heights: FloatArray
+    most: FloatArray
 
 
 # --- the highest x of an interval for which its own rows leave an acceleration
@@ -177,6 +194,12 @@ def _listed(array: FloatArray, begin: int, end: int, count: int) -> Sequence[Any
 
 
 _PLAIN: Final = Loops(_alone, _in_blocks(controllable), _in_blocks(driven))
+
+
+def _loops(places: int) -> Loops:
+    """Return the loops for so many places."""
+    is_long = places >= _LONG or "numba" in sys.modules
+    return _compiled() if is_long and find_spec("numba") else _PLAIN
 
 
 @cache

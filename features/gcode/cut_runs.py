@@ -12,6 +12,7 @@ from typing import Final, Self
 import numpy as np
 
 from steptwin.features.fastest.contour import Contour, rounding_coefficients
+from steptwin.features.gcode.arc_fit import with_arcs
 from steptwin.features.gcode.modal import ArcShape, CutMove
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.planning.no_way import NO_WAY
@@ -271,6 +272,11 @@ class CutRun:
         radii_mm = self.radii_mm.copy()
         radii_mm[list(corners)] = 0.0
         return replace(self.of(self._legs, self.moves, self._placing, radii_mm), stops=tuple(corners))
+
+
+def curved(moves: Sequence[CutMove]) -> list[CutMove]:
+    """Return the moves with short lines in a row taken for arcs, within the distance in which lines are merged."""
+    return with_arcs(moves, _go_together)
 
 
 def cut_runs(moves: Sequence[CutMove], placing: Placing, blend_mm: float) -> list[CutRun]:

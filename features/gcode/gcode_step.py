@@ -1,7 +1,7 @@
 """A step that leads the tool as a file of G-code says."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
@@ -9,13 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
 import numpy as np
 from pydantic import BeforeValidator
 
-from steptwin.features.fastest.chain import AVERAGE_S
+from steptwin.features.fastest.averaged import Averaged
 from steptwin.features.fastest.contour import Contour, ContourPath
 from steptwin.features.fastest.executed import TimedPath, UntimedError, timed
 from steptwin.features.fastest.pieces import FollowedPath
-from steptwin.features.fastest.worthwhile_stops import StoppingPath, doubtful, worthwhile
+from steptwin.features.fastest.rows import machine_average_s, squares_in_bends
+from steptwin.features.fastest.solve import fastest_squares
+from steptwin.features.fastest.worthwhile_stops import StoppingPath, doubtful, fastest_with_stops
 from steptwin.features.gcode.blocks import GcodeBlock, GcodeFile, read_blocks
-from steptwin.features.gcode.cut_runs import CutRun, Placing, cut_runs
+from steptwin.features.gcode.cut_runs import CutRun, Placing, curved, cut_runs
 from steptwin.features.gcode.dialects import SUFFIXES, Dialect
 from steptwin.features.gcode.modal import (
     CornerMode,
@@ -266,13 +268,31 @@ class _Cutting:
         """Make the moves that wait, without a stop but where corners need it."""
         if not self._waiting:
             return
-        for run in cut_runs(self._waiting, self._placing, self._step.blend_mm or 0.0):
-            self._take(run)
+        for way in self._better(list(self._ways(self._waiting))):
+            self._take(way)
         self._waiting.clear()
 
-    def _take(self, run: CutRun) -> None:
-        composer = self._moves.composer
-        way = _Way.of(self._robot, composer.joints, self._step, run)
+    def _ways(self, moves: Sequence[CutMove]) -> Iterator["_Way"]:
+        """Yield the runs of moves with their joints, each from where the one before ends."""
+        joints = self._moves.composer.joints
+        for run in cut_runs(moves, self._placing, self._step.blend_mm or 0.0):
+            way = _Way.of(self._robot, joints, self._step, run)
+            yield way
+            joints = way.path.followed.end
+
+    def _better(self, ways: list["_Way"]) -> list["_Way"]:
+        """Return the runs, or those with short lines taken for arcs if these are faster."""
+        moves = curved(self._waiting)
+        if len(moves) == len(self._waiting):
+            return ways
+        try:
+            with_arcs = list(self._ways(moves))
+        except InputError:  # an arc is out of reach where its lines are not
+            return ways
+        return min(ways, with_arcs, key=lambda runs: sum(way.least_s for way in runs))
+
+    def _take(self, way: "_Way") -> None:
+        composer, run = self._moves.composer, way.run
         self._check_range(way)
         begins_s = composer.now_s
         with planning_step(f"{self._step.file}: {way.where(0.0)} a path of {len(run.contour.lengths_mm)} pieces"):
@@ -336,28 +356,35 @@ class _Way:
     def fastest(self, from_ms: int) -> tuple["_Way", TimedPath]:
         """Return the way with the stops that make it faster, and its motion, which begins at a time of the program."""
         run = self.run
-        corners = doubtful(self.robot, self.path, run.begins_mm[1:], run.radii_mm, AVERAGE_S)
-        if not corners:
-            return self, self.timed(from_ms)
+        corners = doubtful(self.robot, self.path, run.begins_mm[1:], run.radii_mm)
 
         def stop_in(corners: Sequence[int]) -> StoppingPath:
             way = self._stopping_in(corners)
-            return StoppingPath(way.path, way.run.stops_mm, AVERAGE_S)
+            return StoppingPath(way.path, way.run.stops_mm, machine_average_s(self.robot, way.path.rates()))
 
-        stops, apart_s = worthwhile(self.robot, corners, stop_in)
-        way = self._stopping_in(stops)
-        made = way.timed(from_ms)
-        if made.law.duration_s <= apart_s or stops == corners:
-            return way, made
-        apart = self._stopping_in(corners)
-        return min((way, made), (apart, apart.timed(from_ms)), key=lambda found: found[1].law.duration_s)
+        def make(corners: Sequence[int]) -> tuple[_Way, TimedPath]:
+            way = self._stopping_in(corners)
+            return way, way.timed(from_ms)
+
+        return fastest_with_stops(self.robot, corners, stop_in, make)
+
+    @property
+    def least_s(self) -> float:
+        """About how long its motion takes, if bends are passed so slowly that they may be averaged."""
+        rates, limits = self.path.rates(), self.path.limits()
+        average_s = machine_average_s(self.robot, rates)
+        rows = limits.rows(self.robot, rates)
+        in_bends = squares_in_bends(self.robot, rates, limits, average_s)
+        squares = fastest_squares(rates.s, replace(rows, x_max=np.minimum(rows.x_max, in_bends)))
+        return Averaged.of(rates.s, squares, average_s).duration_s
 
     def timed(self, from_ms: int) -> TimedPath:
-        """Return its motion; raise InputError, with the line, if there is none."""
+        """Return its motion; raise UntimedError, with the line, if there is none."""
+        average_s = machine_average_s(self.robot, self.path.rates())
         try:
-            return timed(self.robot, self.path, AVERAGE_S, from_ms, stops=self.run.stops_mm)
+            return timed(self.robot, self.path, average_s, from_ms, stops=self.run.stops_mm)
         except UntimedError as error:
-            raise InputError(f"{self.where(error.s)} {error}") from error
+            raise UntimedError(f"{self.where(error.s)} {error}", error.s) from error
 
     def _stopping_in(self, corners: Sequence[int]) -> "_Way":
         return _Way.of(self.robot, self.start, self.step, self.run.stopping_in(corners)) if corners else self

@@ -310,6 +310,8 @@ def _joint_text(axis: AxisFound, transmission: Mapping[str, Any], *, coupled: bo
     figures: dict[str, Any] = {"unit": (axis.unit.value, "")}
     for key in _NEEDED:
         figures[key] = getattr(axis, key)
+    if axis.jerk_max is not None:
+        figures["jerk_max"] = axis.jerk_max
     for key, figure in motors.items():
         figures[key] = figure._replace(origin=f"{ASSUMED}: as the slide's; along a diagonal a motor turns faster")
     parts = [f"[joints.{_letter(axis)}]\n" + _lines({**figures, **transmission})]

@@ -123,12 +123,14 @@ class Joint:
     """The second motor of the joint; None: one motor drives it alone."""
     current_a: float | None = None
     """Phase current of the joint's own driver at full torque; None: that of the board's settings."""
+    jerk_max: float | None = None
+    """Highest jerk of fastest motions, in unit/s^3; None: the file does not limit it."""
 
     def __post_init__(self) -> None:
         check_all(
             self._check_range,
             partial(require_positive, self, "speed_max", "acceleration_max"),
-            self._check_axis_limits,
+            self._check_optional_limits,
             self._check_wire,
             lambda: self.switches.check_negative(self.lower, self.unit),
             lambda: self.switches.check_positive(self.upper, self.unit),
@@ -141,12 +143,9 @@ class Joint:
         if not self.lower < self.upper:
             raise InputError(f"upper: {self.upper:g} {self.unit} is not above lower, {self.lower:g} {self.unit}")
 
-    def _check_axis_limits(self) -> None:
-        check_all(*(partial(self._check_axis_limit, key) for key in ("axis_speed_max", "axis_acceleration_max")))
-
-    def _check_axis_limit(self, key: str) -> None:
-        if getattr(self, key) is not None:
-            require_positive(self, key)
+    def _check_optional_limits(self) -> None:
+        keys = ("axis_speed_max", "axis_acceleration_max", "jerk_max")
+        check_all(*(partial(require_positive, self, key) for key in keys if getattr(self, key) is not None))
 
     def _check_wire(self) -> None:
         farthest = max(abs(self.lower), abs(self.upper))

@@ -124,6 +124,7 @@ class JointTable(FileTable):
         upper: greatest position.
         speed_max: highest speed.
         acceleration_max: highest acceleration.
+        jerk_max: highest jerk of fastest motions; the motion is averaged over twice the acceleration over it.
         full_steps_per_rev: full steps of the motor in one turn; 200 for the usual 1.8 deg.
         microsteps: microsteps per full step, as set at the driver.
         travel_per_turn: of a joint in mm: its travel per turn of the motor, a screw's lead or a pulley's circumference.
@@ -150,6 +151,7 @@ class JointTable(FileTable):
     axis_speed_max: Positive | None = None
     axis_acceleration_max: Positive | None = None
     current_a: float | None = None
+    jerk_max: Positive | None = None
     switches: JointSwitches | None = None
     homing: JointHoming | None = None
     second_motor: SecondMotor | None = None

@@ -23,6 +23,8 @@ _SETTING: Final = re.compile(r"^[<>\s]*\$(\d{1,3})\s*=\s*([^\s;(,]+)", re.MULTIL
 _OF_AXES: Final = (100, 110, 120, 130)
 """First of the axes' settings: steps per mm, highest speeds in mm/min, accelerations in mm/s2, travels in mm."""
 _BLOCK: Final = 10
+_JERKS: Final = 800
+"""First of grblHAL's settings of the axes' jerk in mm/s3."""
 _STEPS_MAX: Final = 1e5
 """Steps per mm above which a setting is no machine's but garbage in the EEPROM."""
 _AVR_RATE_HZ: Final = 30_000
@@ -68,7 +70,9 @@ def _is_grblhal(settings: Mapping[int, str]) -> bool:
 
 
 def _of_grblhal(settings: Mapping[int, str]) -> set[int]:
-    return {first + index for first in (140, 150) for index in range(_BLOCK)} if _is_grblhal(settings) else set()
+    return (
+        {first + index for first in (140, 150, _JERKS) for index in range(_BLOCK)} if _is_grblhal(settings) else set()
+    )
 
 
 def _figure(settings: Mapping[int, str], number: int, factor: float = 1.0) -> Figure | None:
@@ -104,6 +108,7 @@ def _axis(index: int, settings: Mapping[int, str]) -> AxisFound:
         upper=upper,
         speed_max=_figure(settings, 110 + index, 1 / _S_PER_MIN),
         acceleration_max=_figure(settings, 120 + index),
+        jerk_max=_figure(settings, _JERKS + index),
         home_direction=direction,
         endstop=endstop if direction else None,
         search_speed=search,

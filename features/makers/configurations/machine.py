@@ -47,7 +47,7 @@ class AxisFound:
         full_steps_per_rev: full steps per turn of the motor.
         microsteps: microsteps per full step.
         lower: least position of the range; likewise `upper`.
-        speed_max: highest speed; likewise `acceleration_max`.
+        speed_max: highest speed; likewise `acceleration_max`, and `jerk_max`, which most controllers do not have.
         home_direction: -1 or 1, the direction in which the switch lies; 0 without a switch that can be emulated.
         endstop: position of the switch.
         search_speed: speed of the search for the switch; `zero_speed`: across its edge.
@@ -65,6 +65,7 @@ class AxisFound:
     upper: Figure | None = None
     speed_max: Figure | None = None
     acceleration_max: Figure | None = None
+    jerk_max: Figure | None = None
     home_direction: int = 0
     endstop: Figure | None = None
     search_speed: Figure | None = None

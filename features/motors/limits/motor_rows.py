@@ -20,6 +20,7 @@ from scipy.linalg import eigh
 
 from steptwin.features.fastest.drives import DriveTrial, PathLoad
 from steptwin.features.fastest.rows import PathRates, Rows
+from steptwin.features.fastest.shaper import Shaper, mzv_shaper
 from steptwin.features.motors.rotors.arm import Arm
 from steptwin.features.motors.rotors.motor import RAD_S_PER_RPM
 from steptwin.features.motors.rotors.rotors import Drive
@@ -43,10 +44,10 @@ from steptwin.host.twin.machine.drivers import driver_profile, driver_settings, 
 from steptwin.host.twin.machine.kernels import fastest_kernel
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
-AVERAGE_MIN_S: Final = 0.02
-"""Least averaging time of a motion: two PVT points."""
-SWINGS: Final = 1.5
-"""Averaging time in periods of the arm's slowest swing: at 70 % of its torque a motor is a softer spring."""
+AVERAGE_S: Final = 0.02
+"""Time over which a motion is averaged: two PVT points."""
+SOFTER: Final = 0.85
+"""Frequency for which motions are shaped over that of the arm's slowest swing: a loaded motor is a softer spring."""
 _SWING_PLACES: Final = 9
 """Number of places on a path where the arm's oscillation is computed."""
 _STANDS: Final = 1e-9
@@ -158,18 +159,31 @@ class MotorsOnPath:
     rates: PathRates
     load: PathLoad
     arms: tuple[_LoadedArm, ...]
+    longer: float = 1.0
 
     @property
     def axes(self) -> int:
         """Number of the motors."""
         return len(self.limits.drives)
 
-    @cached_property
+    @property
     def average_s(self) -> float:
-        """Averaging time of a motion: 1.5 periods of the slowest oscillation on the path."""
+        """Time over which a motion is averaged."""
+        return AVERAGE_S * self.longer
+
+    @property
+    def shaper(self) -> Shaper:
+        """Shaper against the slowest swing on the path, of a loaded arm."""
+        return mzv_shaper(self.longer / (SOFTER * self._swing_hz))
+
+    def smoother(self, factor: float) -> Self:
+        """Return the same motors with motions that are averaged and shaped over so much more time."""
+        return replace(self, longer=factor)
+
+    @cached_property
+    def _swing_hz(self) -> float:
         rows = np.unique(np.linspace(0, len(self.rates.s) - 1, _SWING_PLACES).astype(np.int64))
-        swing_hz = min(self.limits.swing_hz(self.rates.joints[rows], each.arm) for each in self.arms)
-        return max(AVERAGE_MIN_S, SWINGS / swing_hz)
+        return min(self.limits.swing_hz(self.rates.joints[rows], each.arm) for each in self.arms)
 
     @cached_property
     def _rubbing(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -263,9 +277,9 @@ class MotorsOnPath:
                     np.maximum(most, np.where(where[rows][:, np.newaxis], needed / available, 0.0), out=most)
         return most
 
-    def tried(self, motion: Sampled, s: FloatArray, average_s: float) -> DriveTrial:
+    def tried(self, motion: Sampled, s: FloatArray) -> DriveTrial:
         """Turn the rotors by the motion, and by a faster one."""
-        return rotor_trial(self.limits.robot, motion, s, self.load, average_s)
+        return rotor_trial(self.limits.robot, motion, s, self.load, self.average_s + self.shaper.delays_s[-1])
 
 
 def rotor_trial(robot: Robot, motion: Sampled, s: FloatArray, load: PathLoad, average_s: float) -> DriveTrial:

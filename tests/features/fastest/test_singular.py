@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
-from steptwin.features.fastest.chain import AVERAGE_S
 from steptwin.features.fastest.executed import UntimedError, timed
 from steptwin.features.fastest.pieces import FollowedPath, JointPiece, PiecewisePath
+from steptwin.features.fastest.rows import AVERAGE_S
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.planning_time import PlanningTimeError, plan_within
 from steptwin.host.planning.motions.whole import Pace
@@ -74,6 +74,7 @@ def looks() -> Iterator[float]:
     return map(float, count())
 
 
+@pytest.mark.slow
 def test_a_turn_that_no_place_of_a_path_shows_is_refused() -> None:
     """J1 turns by 5 deg on a thousandth of a mm; the motion was made slower a hundred thousand times."""
     s = np.array([0.0, 50.05, 50.051, 100.0])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from steptwin.features.fastest.chain import AVERAGE_S, timed_chains
+from steptwin.features.fastest.chain import timed_chains
 from steptwin.features.fastest.corners import JointLeg
 from steptwin.host.planning.motions.composer import Sequence
 from steptwin.host.planning.motions.sampled import Sampled
@@ -18,7 +18,7 @@ ROBOT = load_robot("teaching-scara")
 @pytest.fixture(scope="module")
 def fastest() -> Sampled:
     leg = JointLeg(ROBOT, np.array([0.0, 20.0, 0.0, 0.0]), np.array([70.0, -40.0, 60.0, 90.0]), Pace())
-    (chain,) = timed_chains(ROBOT, [leg], [], average_s=AVERAGE_S)
+    (chain,) = timed_chains(ROBOT, [leg], [])
     return chain.timed.motion
 
 

@@ -47,6 +47,7 @@ def test_no_distance_makes_a_part_slower_than_exact_stop(moves: str, tmp_path: P
         assert compiled(tmp_path, f"G64 P{p_mm}\n{moves}").trajectory.duration_s <= exact_s + 1e-9
 
 
+@pytest.mark.slow
 def test_corners_that_are_hardly_rounded_are_stops_and_a_wide_one_is_none(tmp_path: Path) -> None:
     text = "G64 P0.002\nG1 X20 F9000\nY20\nG64 P3\nX0\nY0"
     notes = compiled(tmp_path, text).steps[-1].notes[0]

@@ -153,6 +153,16 @@ def test_a_belt_printer_with_an_end_is_a_machine() -> None:
     assert figures(made("klipper/belt-printer.cfg", Z__upper="1500"))["Z"][2] == 1500
 
 
+def test_only_grblhal_has_a_jerk() -> None:
+    assert [joint.jerk_max for joint in read_robot(made("grbl/grblhal-four-axes.txt").text).joints] == [
+        6000,
+        None,
+        1500,
+        None,
+    ]
+    assert "jerk_max" not in made("grbl/router.txt").text
+
+
 def test_both_belts_move_both_slides() -> None:
     """A Z with two motors has two rows."""
     belts = ((1.0, 1.0, 0.0), (-1.0, 1.0, 0.0), (0.0, 0.0, 1.0))
