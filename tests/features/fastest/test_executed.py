@@ -106,6 +106,7 @@ def test_lines_of_the_tool_stay_on_their_path_to_a_hundredth_of_a_step() -> None
     assert off.max() < 0.01
 
 
+@pytest.mark.slow
 def test_stops_where_that_is_faster_and_flows_where_it_is_not() -> None:
     legs = joint_legs(ROBOT, PICK)
     tiny, wide = timed_chains(ROBOT, legs, [0.05, 0.05]), timed_chains(ROBOT, legs, [10.0, 10.0])
