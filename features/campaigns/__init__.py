@@ -5,12 +5,14 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from steptwin.host.common.features import COMMAND_GROUPS, CommandRow, Feature, FileKind
-from steptwin.host.common.file_limits import CAMPAIGN_BYTES_MAX
+from steptwin.host.common.file_limits import MIB
 
 if TYPE_CHECKING:
     from steptwin.host.cli.arguments import CheckedFile
     from steptwin.host.common.findings import Findings
 
+CAMPAIGN_BYTES_MAX: Final = 4 * MIB
+"""A scenario of a campaign has some 200 bytes, so twenty thousand of them fit."""
 _LISTS: Final = re.compile(r"^\s*\[\[(scenario|motion)\b", re.MULTILINE)
 """What only campaigns have, which may be longer than other files."""
 

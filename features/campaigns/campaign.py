@@ -16,14 +16,14 @@ import numpy as np
 from steptwin.features.campaigns.sources import Sources
 from steptwin.features.campaigns.values import Template, drawn, placed, read_template
 from steptwin.features.campaigns.variations import VARIATIONS, Setup
-from steptwin.features.faults.scenario import scenario_of
+from steptwin.features.faults.scenario import SCENARIO_BYTES_MAX, scenario_of
 from steptwin.features.motors.limits import motor_limits
 from steptwin.features.motors.options import MotorsTurn
 from steptwin.features.motors.turning import check_described
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import known, prefixed, unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_limits import NAME_CHARS_MAX, SCENARIO_BYTES_MAX
+from steptwin.host.common.file_limits import NAME_CHARS_MAX
 from steptwin.host.common.file_models import FileReading, FileTable, read_model
 from steptwin.host.common.file_values import Choice, Name, NotNegative, OneOf, ReadBy, TableList, Within
 from steptwin.host.common.findings import Findings, UnreadError, judged

@@ -9,11 +9,15 @@ from typing import Final
 from urllib.parse import quote
 
 import steptwin
+from steptwin.features.campaigns import CAMPAIGN_BYTES_MAX
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_limits import CAMPAIGN_BYTES_MAX, CAMPAIGN_FILE_BYTES_MAX
+from steptwin.host.common.file_limits import MIB
 from steptwin.host.common.own_files import made_folder, read_text
 from steptwin.host.common.whole_file import write_whole
+
+CAMPAIGN_FILE_BYTES_MAX: Final = 256 * MIB
+"""A file that a campaign names is kept with its results: an hour of a trajectory with a point each 10 ms fits."""
 
 _FOLDERS: Final = ("controller", "emulator", "host", "protocol")
 _SUFFIXES: Final = (".py", ".toml")

@@ -22,7 +22,7 @@ from steptwin.features.faults.requests import by_name, fault_of, model_of, read_
 from steptwin.features.faults.triggers import AtTime, DriveState, Time, Trigger, TriggerKeys
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_limits import NAME_CHARS_MAX, SCENARIO_BYTES_MAX
+from steptwin.host.common.file_limits import KIB, NAME_CHARS_MAX
 from steptwin.host.common.file_models import FileTable, read_model
 from steptwin.host.common.file_values import Name, NotNegative
 from steptwin.host.common.findings import Findings
@@ -30,6 +30,10 @@ from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import toml_table
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.cia402 import ErrorCode
+
+
+SCENARIO_BYTES_MAX: Final = 256 * KIB
+"""A fault of a scenario has some 100 bytes; a thousand of them fit."""
 
 
 @dataclass(frozen=True, slots=True)

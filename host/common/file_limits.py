@@ -18,12 +18,6 @@ PROGRAM_BYTES_MAX: Final = 1 * MIB
 """A step of a program has some 60 bytes, so all 5000 steps that a program may have fit, with their comments."""
 STEP_FILES_BYTES_MAX: Final = 16 * MIB
 """A line of G-code has some 30 bytes: half a million of them fit."""
-SCENARIO_BYTES_MAX: Final = 256 * KIB
-"""A fault of a scenario has some 100 bytes; a thousand of them fit."""
-CAMPAIGN_BYTES_MAX: Final = 4 * MIB
-"""A scenario of a campaign has some 200 bytes, so twenty thousand of them fit."""
-CAMPAIGN_FILE_BYTES_MAX: Final = 256 * MIB
-"""A file that a campaign names is kept with its results: an hour of a trajectory with a point each 10 ms fits."""
 NAME_CHARS_MAX: Final = 64
 """Longest name in a robot file: it stands in table heads, headings of pictures and names of arrays."""
 TITLE_CHARS_MAX: Final = 200
