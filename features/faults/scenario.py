@@ -31,7 +31,6 @@ from steptwin.host.common.tables import toml_table
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.cia402 import ErrorCode
 
-
 SCENARIO_BYTES_MAX: Final = 256 * KIB
 """A fault of a scenario has some 100 bytes; a thousand of them fit."""
 
