@@ -192,9 +192,9 @@ class _LineReader:
                 hint = f"; it is a word of {others}" if others else ""
                 raise InputError(f"{code}: {self.manners.name} does not know it{hint}")
             if others:
-                raise InputError(
-                    f"{code} is not understood without a dialect; it is in {others}"
-                    " (--dialect, or `dialect` of the step)"
+                without = f"{code} is not understood without a dialect; it is in {others}"
+                raise InputError(f"{without} (--dialect, or `dialect` of the step)").plainly(
+                    f"{without}: write a program whose step has `dialect` beside `gcode`"
                 )
             known = " ".join(each for each in self._uses if each[0] == code[0])
             raise InputError(f"{code} is not understood: there are {known}")
@@ -258,7 +258,10 @@ class _LineReader:
     def _macro(self, name: str) -> None:
         use = Use.IGNORE if name in self._ignore else macro_use(name)
         if self._dialect is not Dialect.KLIPPER and name not in self._ignore:
-            raise InputError(f"{shortened(name)}: is a macro of Klipper: --dialect klipper, or list it in `ignore`")
+            of_klipper = f"{shortened(name)}: is a macro of Klipper"
+            raise InputError(f"{of_klipper}: --dialect klipper, or list it in `ignore`").plainly(
+                f"{of_klipper}: write a program whose step has `dialect` beside `gcode`"
+            )
         if use is Use.REFUSE:
             raise InputError(f"{shortened(name)}: is a macro, which may move the machine; list it in `ignore`")
         self._count(name, MACRO_NOTE if use is Use.NOTE else "")

@@ -20,6 +20,7 @@ ROOMS = ("host/client", "host/operate", "host/planning", "features/panel", "feat
 """What the panel calls; its errors can reach a page."""
 ELSEWHERE = {
     "positions.py": "the page asks before it replaces a position",
+    "options.py": "the option is one of `run` and `check`",
     "points.py": "the page gives no elbow for a file",
     "ros_points.py": "the option is one of ros2, with which the user has printed the file",
 }
