@@ -12,10 +12,12 @@ from steptwin.host.cli.arguments import AnswerOptions, positive_number, run_fold
 from steptwin.host.cli.options import argument, naming_options, option, switch
 from steptwin.host.cli.output import print_table, say, warn
 from steptwin.host.cli.run.verdict_text import print_report
+from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.choices import name_value_pairs
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from steptwin.features.captures.capture import Capture
     from steptwin.features.captures.channel_map import AxisSignals
@@ -44,7 +46,7 @@ class CaptureOptions:
         "AXIS=STEP,DIR[,ENABLE]", "Channels of an axis; ! inverts one, as in th1=D0,!D1; repeatable.", "--map"
     )
     path: Path | None = option(
-        "DIR|'ROBOT JOB'", "Plan whose path the steps should follow, at any speed, instead of --plan."
+        "DIR|'ROBOT JOB [KEY=VALUE ...]'", "Plan whose path the steps should follow, at any speed, instead of --plan."
     )
     controller: str | None = option(
         "NAME", "Step rule with --path: klipper, grbl, grblhal, marlin, linuxcnc or other; estimated by default."
@@ -222,17 +224,19 @@ def _planned(options: CaptureOptions, plan: Path | None, name: str = "--plan") -
         robot = read_robot(plan)
         return robot, f"capture of {plan.name}", planner.plan(robot, stored_motion(plan, robot))
     words = shlex.split(str(plan))
-    if len(words) != 2:
+    if len(words) < 2:
         raise InputError(f"{name} {plan}: is neither a folder nor 'ROBOT JOB' nor 'ROBOT FILE'")
-    return _of_words(words)
+    with prefixed(f"{name}: "):
+        options = name_value_pairs(words[2:])
+    return _of_words(words[0], words[1], options)
 
 
-def _of_words(words: list[str]) -> "tuple[Robot, str, Plan | None]":
+def _of_words(name: str, job: str, options: "Mapping[str, str]") -> "tuple[Robot, str, Plan | None]":
     from steptwin.host.cli.run.chosen_motion import choose_motion
     from steptwin.host.robots import load_robot
 
-    robot = load_robot(words[0])
-    chosen = choose_motion(robot, words[1], {})
+    robot = load_robot(name)
+    chosen = choose_motion(robot, job, options)
     return robot, f"capture of {chosen.job}", chosen.plan
 
 

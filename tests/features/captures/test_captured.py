@@ -165,6 +165,11 @@ def test_what_a_capture_holds(carry: Path, capsys: pytest.CaptureFixture[str]) -
         ([*PATH, "--out", "x"], "--out: is for --plan; --path has no time law"),
         ([*PATH, "--tolerance-steps", "2"], "--tolerance-steps: is for --plan; --path has no time law"),
         ([*PATH, "--clock-ppm", "exact"], "--clock-ppm: is for --plan; --path has no time law"),
+        (["--capture", "SR", "--path", "teaching-scara carry 3"], "--path: '3' is not of the form NAME=VALUE"),
+        (
+            ["--capture", "SR", "--path", "teaching-scara carry dept=3"],
+            "option 'dept' is unknown: did you mean depth_mm?",
+        ),
         (["--capture", "SR", "--path", "carry"], "--path carry: is neither a folder nor 'ROBOT JOB' nor 'ROBOT FILE'"),
         (
             ["--capture", "SR", "--path", "warehouse-scara drawer-pull", *MAPS],
