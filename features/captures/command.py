@@ -227,8 +227,8 @@ def _planned(options: CaptureOptions, plan: Path | None, name: str = "--plan") -
     if len(words) < 2:
         raise InputError(f"{name} {plan}: is neither a folder nor 'ROBOT JOB' nor 'ROBOT FILE'")
     with prefixed(f"{name}: "):
-        options = name_value_pairs(words[2:])
-    return _of_words(words[0], words[1], options)
+        given = name_value_pairs(words[2:])
+    return _of_words(words[0], words[1], given)
 
 
 def _of_words(name: str, job: str, options: "Mapping[str, str]") -> "tuple[Robot, str, Plan | None]":
