@@ -50,8 +50,7 @@ def _switched_off(node: NodeUnderTest, index: int) -> Iterator[int]:
     cob = od.address_of(index, 1)
     word = node.number(cob)
     type_before = node.upload(od.address_of(index, 2))
-    count = node.number(od.address_of(mapping))
-    entries = [node.upload(od.address_of(mapping, sub)) for sub in range(1, count + 1)]
+    mapped = _mapped(node, mapping)
     node.download(cob, _u32(word | COB_ID_INVALID))
     try:
         yield word & ~COB_ID_INVALID
@@ -59,10 +58,15 @@ def _switched_off(node: NodeUnderTest, index: int) -> Iterator[int]:
         if node.number(cob) != word | COB_ID_INVALID:
             node.download(cob, _u32(node.number(cob) | COB_ID_INVALID))
         node.download(od.address_of(index, 2), type_before)
-        _map(node, mapping, [int.from_bytes(each, "little") for each in entries])
+        _map(node, mapping, mapped)
         node.download(cob, _u32(word | COB_ID_INVALID))
         if not word & COB_ID_INVALID:
             node.download(cob, _u32(word))
+
+
+def _mapped(node: NodeUnderTest, mapping: int) -> list[int]:
+    """Return the entries of a mapping that are in use."""
+    return [node.number(od.address_of(mapping, sub)) for sub in range(1, node.number(od.address_of(mapping)) + 1)]
 
 
 def _map(node: NodeUnderTest, mapping: int, words: list[int]) -> int:
@@ -181,8 +185,7 @@ def too_long(node: NodeUnderTest) -> None:
     mapping = index + 0x200
     if _is_static(node, mapping):
         raise SkippedError("the mapping is static")
-    count = node.number(od.address_of(mapping))
-    words = [node.number(od.address_of(mapping, sub)) for sub in range(1, count + 1)]
+    words = _mapped(node, mapping)
     longest = max(words, key=lambda word: word & 0xFF, default=0)
     if not longest:
         raise SkippedError("nothing is mapped")
@@ -217,7 +220,7 @@ def _transmitting(node: NodeUnderTest, kind: int, timer_ms: int = 0) -> Iterator
         raise SkippedError("no TPDO is in use")
     index, cob_id = next(iter(valid.items()))
     mapping = index + 0x200
-    words = [node.number(od.address_of(mapping, sub)) for sub in range(1, node.number(od.address_of(mapping)) + 1)]
+    words = _mapped(node, mapping)
     timer = od.address_of(index, 5)
     if timer_ms and not node.has(timer):
         raise SkippedError("no event timer")
@@ -296,7 +299,7 @@ def only_operational(node: NodeUnderTest) -> None:
 def short_rpdo(node: NodeUnderTest) -> None:
     for index, cob_id in node.valid_pdos(RPDOS.start).items():
         mapping = index + 0x200
-        words = [node.number(od.address_of(mapping, sub)) for sub in range(1, node.number(od.address_of(mapping)) + 1)]
+        words = _mapped(node, mapping)
         length = -(-sum(word & 0xFF for word in words) // 8)
         if length < 2:
             continue
