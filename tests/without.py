@@ -26,6 +26,12 @@ PAGES: Final = (
 )
 """Tests of pages, of all commands and of all jobs."""
 USES: Final = {
+    "gcode": (
+        "tests/features/panel/page/test_motions.py::test_a_wrong_file_is_named_as_its_user_knows_it",
+        "tests/features/panel/page/test_uploads.py",
+        "tests/host/planning/programs/test_reading.py::test_everything_that_is_wrong_is_found_at_once",
+        "tests/host/planning/programs/test_schema.py::test_it_accepts_the_programs_that_come_along[compass]",
+    ),
     "shelf": (
         "tests/end_to_end/test_bad_input.py::test_one_line_and_exit_code_2[job]",
         "tests/end_to_end/test_bad_input.py::test_one_line_and_exit_code_2[kind of file]",

@@ -172,7 +172,7 @@ def test_what_a_capture_holds(carry: Path, capsys: pytest.CaptureFixture[str]) -
         ),
         (["--capture", "SR", "--path", "carry"], "--path carry: is neither a folder nor 'ROBOT JOB' nor 'ROBOT FILE'"),
         (
-            ["--capture", "SR", "--path", "warehouse-scara drawer-pull", *MAPS],
+            ["--capture", "SR", "--path", "warehouse-scara pull-line", *MAPS],
             "--map d3=D4,D5: axis 'd3' is unknown: there are sx",
         ),
     ],
