@@ -21,6 +21,8 @@ PAGES: Final = (
     "tests/docs",
     "tests/end_to_end/test_commands.py",
     "tests/end_to_end/test_docs.py",
+    "tests/end_to_end/test_help.py",
+    "tests/end_to_end/test_hostile_files.py::TestEscapes::test_of_words_of_the_command_line",
     "tests/end_to_end/test_written_commands.py",
     "tests/features/papers",
 )
