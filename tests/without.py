@@ -28,11 +28,22 @@ PAGES: Final = (
 )
 """Tests of pages, of all commands and of all jobs."""
 USES: Final = {
+    "campaigns": (
+        "tests/live/test_campaign_cluster.py",
+        "tests/package/test_wheel.py",
+        "tests/test_promises.py",
+    ),
     "gcode": (
         "tests/features/panel/page/test_motions.py::test_a_wrong_file_is_named_as_its_user_knows_it",
         "tests/features/panel/page/test_uploads.py",
         "tests/host/planning/programs/test_reading.py::test_everything_that_is_wrong_is_found_at_once",
         "tests/host/planning/programs/test_schema.py::test_it_accepts_the_programs_that_come_along[compass]",
+    ),
+    "motors": (
+        "tests/end_to_end/test_replacing.py::test_of_a_folder[<lambda>-option5-names5]",
+        "tests/features/makers/test_new_from.py::test_a_motor_brings_all_that_motors_need",
+        "tests/host/cli/test_machine_options.py::test_a_key_that_is_wrong[-m motors=1---machine motors=1: takes no value]",
+        "tests/package/test_public_names.py",
     ),
     "shelf": (
         "tests/end_to_end/test_bad_input.py::test_one_line_and_exit_code_2[job]",
