@@ -21,7 +21,7 @@ from steptwin.features.conform.check import (
     Need,
     SkippedError,
 )
-from steptwin.features.conform.node import HEARTBEAT_MS, HEARTBEAT_TIME, AbortError, NodeUnderTest
+from steptwin.features.conform.node import DEVICE_TYPE, HEARTBEAT_MS, HEARTBEAT_TIME, AbortError, NodeUnderTest
 from steptwin.host.common.errors import InputError
 from steptwin.protocol.cia402 import DISABLE_VOLTAGE, State
 from steptwin.protocol.frame import COB_SDO_REQUEST
@@ -30,7 +30,6 @@ from steptwin.protocol.sdo_frames import upload_request
 
 _LISTENED_S: Final = 0.3
 _POWERED: Final = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE)
-_DEVICE_TYPE: Final = 0x1000 << 8
 ORDER: Final = "EDSPYTMHNRF"
 """Letters of the groups in the order in which they are checked: those that reset the node come late."""
 
@@ -71,7 +70,7 @@ def _begin(node: NodeUnderTest) -> bytes:
     if node.since(0, COB_SDO_REQUEST + node.node_id):
         raise InputError(f"{place}: another SDO client talks to it; end that first")
     node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
-    if node.request(upload_request(_DEVICE_TYPE)) is None:
+    if node.request(upload_request(DEVICE_TYPE)) is None:
         raise InputError(f"{place}: does not answer an SDO request within a second; is its id right?")
     if node.is_drive and (state := node.drive_state()) in _POWERED:
         raise InputError(f"{place}: the drive is in {state.name}; switch it off first")

@@ -3,7 +3,7 @@
 from typing import Final
 
 from steptwin.features.conform.check import DiffersError, SkippedError, expect, group
-from steptwin.features.conform.node import HEARTBEAT_MS, NodeUnderTest, said
+from steptwin.features.conform.node import HEARTBEAT_MS, NodeUnderTest, said, u32
 from steptwin.protocol import od
 from steptwin.protocol.frame import COB_HEARTBEAT, COB_ID_INVALID, COB_NMT
 from steptwin.protocol.nmt import NmtCommand, NmtState
@@ -38,16 +38,12 @@ _STATES: Final = (
 )
 
 
-def _u32(value: int) -> bytes:
-    return value.to_bytes(4, "little")
-
-
 @sync_check("Y1", "7.5.2.5", "1005h is 80h, and takes another identifier")
 def sync_identifier(node: NodeUnderTest) -> None:
     word = int.from_bytes(node.needed(_SYNC_ID), "little")
     expect(word & 0x7FF == 0x080, f"0x1005 is {word & 0x7FF:03X}h")
     with node.kept(_SYNC_ID):
-        code = node.write_code(_SYNC_ID, _u32(_OTHER_SYNC_ID))
+        code = node.write_code(_SYNC_ID, u32(_OTHER_SYNC_ID))
         if code == AbortCode.READ_ONLY:
             raise SkippedError("0x1005 is read-only")
         if code:
@@ -100,11 +96,11 @@ def no_error(node: NodeUnderTest) -> None:
 def emergency_identifier(node: NodeUnderTest) -> None:
     word = int.from_bytes(node.needed(_EMCY_ID), "little")
     with node.kept(_EMCY_ID):
-        code = node.write_code(_EMCY_ID, _u32(word | COB_ID_INVALID))
+        code = node.write_code(_EMCY_ID, u32(word | COB_ID_INVALID))
         if code == AbortCode.READ_ONLY:
             raise SkippedError("0x1014 is read-only")
         if not code:
-            code = node.write_code(_EMCY_ID, _u32(COB_ID_INVALID | 0x0F0))
+            code = node.write_code(_EMCY_ID, u32(COB_ID_INVALID | 0x0F0))
         if code:
             raise DiffersError(f"0x1014: {said(code)}")
 
@@ -136,8 +132,8 @@ def heartbeat(node: NodeUnderTest) -> None:
 def twice(node: NodeUnderTest) -> None:
     node.needed(_SECOND_CONSUMER)
     with node.kept(_CONSUMER), node.kept(_SECOND_CONSUMER):
-        node.download(_CONSUMER, _u32(0x007D_1388))
-        code = node.write_code(_SECOND_CONSUMER, _u32(0x007D_1388))
+        node.download(_CONSUMER, u32(0x007D_1388))
+        code = node.write_code(_SECOND_CONSUMER, u32(0x007D_1388))
     expect(code == AbortCode.INCOMPATIBLE, said(code))
 
 

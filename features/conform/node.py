@@ -52,6 +52,7 @@ _LAST: Final = 0x01
 _SEGMENTS_MAX: Final = 10_000
 
 DEVICE_TYPE: Final = od.address_of(0x1000)
+DEVICE_NAME: Final = od.address_of(0x1008)
 HEARTBEAT_TIME: Final = od.address_of(0x1017)
 MODE: Final = od.address_of(0x6060)
 MODE_DISPLAY: Final = od.address_of(0x6061)
@@ -370,6 +371,11 @@ class NodeUnderTest:
             if not word & COB_ID_INVALID:
                 found[index] = word & 0x7FF
         return found
+
+
+def u32(value: int) -> bytes:
+    """Return a value of four bytes as SDO carries it."""
+    return value.to_bytes(4, "little")
 
 
 def segment(part: bytes, toggle: int, *, last: bool) -> bytes:

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from typing import Final
 
 from steptwin.features.conform.check import DiffersError, SkippedError, expect, group
-from steptwin.features.conform.node import NodeUnderTest, said
+from steptwin.features.conform.node import NodeUnderTest, said, u32
 from steptwin.features.nodes.node_objects import RPDOS, TPDOS
 from steptwin.protocol import od
 from steptwin.protocol.frame import COB_ID_INVALID
@@ -31,10 +31,6 @@ _DUMMY: Final = 0x0005_0008
 _WRONG_MAPPINGS: Final = {"an absent object": 0x6FFF_0008, "0x1018:01": 0x1018_0120, "0x1001 with 16 bits": 0x1001_0010}
 
 
-def _u32(value: int) -> bytes:
-    return value.to_bytes(4, "little")
-
-
 def _first(node: NodeUnderTest, indexes: range) -> int:
     """Return the first PDO with parameters; raise SkippedError without one."""
     for index in range(indexes.start, indexes.start + 8):
@@ -51,17 +47,17 @@ def _switched_off(node: NodeUnderTest, index: int) -> Iterator[int]:
     word = node.number(cob)
     type_before = node.upload(od.address_of(index, 2))
     mapped = _mapped(node, mapping)
-    node.download(cob, _u32(word | COB_ID_INVALID))
+    node.download(cob, u32(word | COB_ID_INVALID))
     try:
         yield word & ~COB_ID_INVALID
     finally:
         if node.number(cob) != word | COB_ID_INVALID:
-            node.download(cob, _u32(node.number(cob) | COB_ID_INVALID))
+            node.download(cob, u32(node.number(cob) | COB_ID_INVALID))
         node.download(od.address_of(index, 2), type_before)
         _map(node, mapping, mapped)
-        node.download(cob, _u32(word | COB_ID_INVALID))
+        node.download(cob, u32(word | COB_ID_INVALID))
         if not word & COB_ID_INVALID:
-            node.download(cob, _u32(word))
+            node.download(cob, u32(word))
 
 
 def _mapped(node: NodeUnderTest, mapping: int) -> list[int]:
@@ -75,7 +71,7 @@ def _map(node: NodeUnderTest, mapping: int, words: list[int]) -> int:
     if code:
         return 0 if code == AbortCode.READ_ONLY else code
     for sub, word in enumerate(words, 1):
-        if code := node.write_code(od.address_of(mapping, sub), _u32(word)):
+        if code := node.write_code(od.address_of(mapping, sub), u32(word)):
             return code
     return node.write_code(od.address_of(mapping), bytes((len(words),)))
 
@@ -91,7 +87,7 @@ def identifiers(node: NodeUnderTest) -> None:
         index = _first(node, indexes)
         cob = od.address_of(index, 1)
         with _switched_off(node, index) as word:
-            code = node.write_code(cob, _u32(word & ~0x7FF | _FREE_ID))
+            code = node.write_code(cob, u32(word & ~0x7FF | _FREE_ID))
             if code in (AbortCode.READ_ONLY, AbortCode.VALUE_RANGE):
                 raise DiffersError(f"0x{index:04X}:01 keeps its identifier: {said(code)}")
             expect(not code, f"0x{index:04X}:01 = {_FREE_ID:03X}h: {said(code)}")
@@ -104,10 +100,10 @@ def restricted(node: NodeUnderTest) -> None:
     taken = []
     with _switched_off(node, index) as word:
         for cob_id in _RESERVED:
-            code = node.write_code(od.address_of(index, 1), _u32(word & ~0x7FF | cob_id))
+            code = node.write_code(od.address_of(index, 1), u32(word & ~0x7FF | cob_id))
             if not code:
                 taken.append(f"{cob_id:03X}h")
-                node.download(od.address_of(index, 1), _u32(word | COB_ID_INVALID))
+                node.download(od.address_of(index, 1), u32(word | COB_ID_INVALID))
             else:
                 right = code in (AbortCode.VALUE_RANGE, AbortCode.READ_ONLY)
                 expect(right, f"identifier {cob_id:03X}h: {said(code)}")
@@ -154,7 +150,7 @@ def entry_while_mapped(node: NodeUnderTest) -> None:
         raise SkippedError("nothing is mapped, or the mapping is static")
     at = od.address_of(mapping, 1)
     with _switched_off(node, index):
-        code = node.write_code(at, _u32(_ERROR_REGISTER << 8 | 8))
+        code = node.write_code(at, u32(_ERROR_REGISTER << 8 | 8))
     if not code:
         raise DiffersError(f"{od.place_text(at)} is taken")
     right = code in (AbortCode.INCOMPATIBLE, AbortCode.DEVICE_STATE, AbortCode.VALUE_RANGE, 0x0601_0000)
@@ -229,13 +225,13 @@ def _transmitting(node: NodeUnderTest, kind: int, timer_ms: int = 0) -> Iterator
         node.download(od.address_of(index, 2), bytes((kind,)))
         if timer_ms:
             node.download(timer, timer_ms.to_bytes(2, "little"))
-        node.download(od.address_of(index, 1), _u32(cob_id))
+        node.download(od.address_of(index, 1), u32(cob_id))
         node.enter(NmtState.OPERATIONAL)
         try:
             yield cob_id, words
         finally:
             node.enter(NmtState.PRE_OPERATIONAL)
-            node.download(od.address_of(index, 1), _u32(cob_id | COB_ID_INVALID))
+            node.download(od.address_of(index, 1), u32(cob_id | COB_ID_INVALID))
             if timer_ms:
                 node.download(timer, timer_before)
 

@@ -9,7 +9,7 @@ from typing import Any, Final, Self
 
 import numpy as np
 
-from steptwin.features.motors.turning.after_run import RotorSlip, RotorTrace
+from steptwin.features.motors.turning.after_run import RotorSlip, RotorTrace, first_of
 from steptwin.features.motors.turning.drives import motor_of
 from steptwin.features.motors.turning.driving import Driving
 from steptwin.features.motors.turning.torques import Torques
@@ -302,18 +302,17 @@ def motor_verdict(
 
 
 def _first_slip(driving: Driving, comparison: Comparison, torques: Torques, trace: RotorTrace) -> FirstSlip | None:
-    slips = [(counts, axis) for axis, counts in enumerate(trace.first_slip_counts) if counts is not None]
-    if not slips:
+    slip = first_of(driving, trace.first_slip_counts)
+    if slip is None:
         return None
-    counts, axis = min(slips)
-    at_s = driving.seconds(counts)
+    axis, at_s = driving.robot.axis_names.index(slip.joint), slip.at_s
     trajectory = comparison.expected.trajectory
     in_motion_s = min(max(at_s, 0.0), trajectory.duration_s)
     first, last = np.searchsorted(torques.t_s, (in_motion_s - _BEFORE_S, in_motion_s), side="left").tolist()
     worst = first + int(np.argmin(torques.margins[first : last + 1, axis]))
     positions = trajectory.positions(np.array([in_motion_s]))[0].tolist()
     return FirstSlip(
-        name=driving.robot.axis_names[axis],
+        name=slip.joint,
         at_s=at_s,
         place=dict(zip(trajectory.joint_names, positions, strict=True)),
         torque_needed_nm=float(abs(torques.needed_nm[worst, axis])),
