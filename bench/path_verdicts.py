@@ -71,7 +71,7 @@ def main(clean: int = 500, faulty: int = 1000) -> None:
 
 
 def _untold(kind: str, found: PathVerdict) -> bool:
-    """Return whether no path can tell of a fault: pulses cancel, or the rule allows two counts between two steps."""
+    """Return True if a fault leaves no trace in the path: its pulses cancel, or the rule allows both counts."""
     ends_between = found.rule.rest is Rest.WHOLE and bool((np.abs(_fractions(found)) > 0.01).any())
     return kind in CANCELLING or (kind in ("lost 1", "extra 1", "two axes lose 1") and ends_between)
 
