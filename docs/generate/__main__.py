@@ -1,5 +1,6 @@
 """Write the generated pages of docs/ again: `python -m docs.generate`."""
 
+from docs.generate.api_page import API_PAGE
 from docs.generate.command_line import COMMAND_LINE_PAGE, render_command_line
 from docs.generate.conform_page import CONFORM_PAGE
 from docs.generate.drawer_pull_film import write_drawer_pull_film
@@ -29,6 +30,7 @@ from docs.generate.runs import Runs
 
 def main() -> None:
     """Write each page before its pictures: rendering docs/robots.md makes the runs that they show."""
+    API_PAGE.write()
     COMMAND_LINE_PAGE.write_text(render_command_line(), encoding="utf-8")
     CONFORM_PAGE.write()
     CONTROL_PORT_PAGE.write()
