@@ -11,8 +11,9 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import LineCollection
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
+from scipy.spatial import ConvexHull
 from PIL import Image
 
 from docs.generate.commands import DOCS
@@ -29,7 +30,7 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 FILM: Final = DOCS / "pictures" / "drawer-pull.gif"
 _FRAME_MS, _LAST_MS, _SPEED, _COLOURS = 80, 1000, 2.0, 64
 _SCENE, _PINS = (0.0, 0.264, 1.0, 0.676), (0.1, 0.06, 0.885, 0.204)
-_PINS_MS = 8.0
+_PINS_MS = 40.0
 _STYLES: Final[dict[Role, dict[str, Any]]] = {
     Role.GUIDE: {"color": "#b9c2cb", "linewidth": 5.0, "zorder": 2},
     Role.SLIDE: {"color": "#4c86c6", "linewidth": 10.0, "solid_capstyle": "butt", "zorder": 3.5},
@@ -38,7 +39,8 @@ _STYLES: Final[dict[Role, dict[str, Any]]] = {
     Role.HAND: {"color": "#d9822b", "linewidth": 2.0},
     Role.AXIS: {"color": "#2456a6", "linewidth": 0.9, "linestyle": "-."},
 }
-_SHADOW, _GRID, _BOX, _PULSE = "0.88", "0.93", "#a08c6c", "#2a7f62"
+_SHADOW, _GRID, _BOX, _DRAWER, _PULSE = "0.88", "0.93", "#a08c6c", "#e3c078", "#2a7f62"
+_DRAWER_WORDS = "#8a6414"
 _RIGHT = np.array([3**0.5, 1.0, 0.0]) / 2
 _UP = np.array([-1.0, 3**0.5, 2 * 3**0.5]) / 4
 """Directions of the picture in the world, seen from azimuth -60 and elevation 30 degrees."""
@@ -84,7 +86,10 @@ def _frames(run: StoredRun) -> list[Image.Image]:
     axes.plot(*_seen(path.planned_mm).T, color=PLANNED, linewidth=3.5, zorder=1)
     shadow = LineCollection([], color=_SHADOW, linewidth=5.0, zorder=1)
     crates = {name: LineCollection([], color=_BOX, linewidth=1.2) for name in boxes}
-    for each in (shadow, *crates.values()):
+    pulled = max(boxes, key=lambda name: float(np.ptp(shifts_mm[name], axis=0).max()))
+    drawer = PolyCollection([], facecolor=_DRAWER, edgecolor=_BOX, linewidth=1.2, zorder=1.5)
+    label = figure.text(0.985, 0.935, "", size=11, weight="bold", color=_DRAWER_WORDS, ha="right", va="top")
+    for each in (shadow, drawer, *crates.values()):
         axes.add_collection(each)
     lines = [axes.plot([], [], **{"zorder": 3, **_STYLES[part.role]})[0] for part in parts]
     (counted,) = axes.plot([], [], color=COUNTED, linewidth=1.2, zorder=4)
@@ -100,6 +105,10 @@ def _frames(run: StoredRun) -> list[Image.Image]:
         shadow.set_segments([_seen(part.points_mm[i] * (1.0, 1.0, 0.0) + (0.0, 0.0, floor_mm)) for part in bodies])
         for name, crate in crates.items():
             crate.set_segments(list(_seen(boxes[name] + shifts_mm[name][i])))
+        here = _seen((boxes[pulled] + shifts_mm[pulled][i]).reshape(-1, 3))
+        drawer.set_verts([here[ConvexHull(here).vertices]])
+        opened_mm = float(np.linalg.norm(shifts_mm[pulled][i]))
+        label.set_text(f"{pulled}: {opened_mm:3.0f} mm open")
         for part, line in zip(parts, lines, strict=True):
             line.set_data(*_seen(part.points_mm[i]).T)
         counted.set_data(*trace[: 2 * np.searchsorted(path_s, now_s, side="right")].T)
