@@ -13,8 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
-from scipy.spatial import ConvexHull
 from PIL import Image
+from scipy.spatial import ConvexHull
 
 from docs.generate.commands import DOCS
 from docs.generate.runs import Runs
