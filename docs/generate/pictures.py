@@ -34,7 +34,7 @@ from steptwin.host.robots.new_file import robot_text, with_settings
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.execution import execute
 
-_DRAWN: Final = dict(zip(PICTURE_KINDS, ("tool-path", "joints", "error"), strict=True))
+_DRAWN: Final = dict(zip(PICTURE_KINDS, ("in-space", "joints", "error"), strict=True))
 """For each kind of picture on the page, its name in `steptwin.host.record.plots`."""
 
 
@@ -50,7 +50,7 @@ def write_pictures(runs: Runs) -> None:
 
 _MACHINE_PICTURES: Final = {
     "chain": ("path", "in-space"),
-    "cartesian": ("path", "tool-path"),
+    "cartesian": ("path", "in-space"),
     "axes": ("joints", "joints"),
 }
 """For each kind of machine the kind of its example's picture, and its name in `steptwin.host.record.plots`."""
