@@ -4,7 +4,6 @@ from docs.generate.command_line import COMMAND_LINE_PAGE, render_command_line
 from docs.generate.conform_page import CONFORM_PAGE
 from docs.generate.drawer_pull_film import write_drawer_pull_film
 from docs.generate.driver_page import DRIVER_PAGE, write_driver_pictures
-from docs.generate.gcode_page import GCODE_PAGE
 from docs.generate.machine_pages import (
     CONTROL_PORT_PAGE,
     FAULTS_PAGE,
@@ -21,6 +20,7 @@ from docs.generate.pictures import (
     write_warehouse_picture,
     write_waveform_pictures,
 )
+from docs.generate.programs_page import PROGRAMS_PAGE
 from docs.generate.protocol import PROTOCOL_PAGE
 from docs.generate.robot_drawings import ROBOT_FILES_PAGE, write_robot_drawings
 from docs.generate.robots_page import PAGE, render_robots
@@ -35,7 +35,7 @@ def main() -> None:
     DRIVER_PAGE.write()
     write_driver_pictures()
     FAULTS_PAGE.write()
-    GCODE_PAGE.write()
+    PROGRAMS_PAGE.write()
     MACHINE_PAGE.write_text(render_machine_options(), encoding="utf-8")
     PROTOCOL_PAGE.write()
     ROBOT_FILES_PAGE.write()

@@ -11,7 +11,6 @@ import pytest
 from docs.generate.command_line import COMMAND_LINE_PAGE, render_command_line
 from docs.generate.conform_page import CONFORM_PAGE
 from docs.generate.driver_page import DRIVER_PAGE
-from docs.generate.gcode_page import GCODE_PAGE
 from docs.generate.machine_pages import (
     CONTROL_PORT_PAGE,
     FAULTS_PAGE,
@@ -21,6 +20,7 @@ from docs.generate.machine_pages import (
 )
 from docs.generate.paper_pages import PAPERS
 from docs.generate.pictures import WAVEFORM_PAGE
+from docs.generate.programs_page import PROGRAMS_PAGE
 from docs.generate.protocol import PROTOCOL_PAGE
 from docs.generate.robot_drawings import ROBOT_FILES_PAGE, drawing
 from docs.generate.robots_page import PAGE, SAMPLED, render_robots
@@ -70,8 +70,8 @@ def test_the_page_of_the_control_port_is_up_to_date() -> None:
     assert CONTROL_PORT_PAGE.render() == CONTROL_PORT_PAGE.path.read_text(encoding="utf-8")
 
 
-def test_the_page_of_gcode_is_up_to_date() -> None:
-    assert GCODE_PAGE.render() == GCODE_PAGE.path.read_text(encoding="utf-8")
+def test_the_page_of_programs_is_up_to_date() -> None:
+    assert PROGRAMS_PAGE.render() == PROGRAMS_PAGE.path.read_text(encoding="utf-8")
 
 
 def test_the_page_of_the_run_folder_is_up_to_date() -> None:
