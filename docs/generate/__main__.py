@@ -23,12 +23,11 @@ from docs.generate.pictures import (
 from docs.generate.programs_page import PROGRAMS_PAGE
 from docs.generate.protocol import PROTOCOL_PAGE
 from docs.generate.robot_drawings import ROBOT_FILES_PAGE, write_robot_drawings
-from docs.generate.robots_page import PAGE, render_robots
 from docs.generate.runs import Runs
 
 
 def main() -> None:
-    """Write each page before its pictures: rendering docs/robots.md makes the runs that they show."""
+    """Write the pages and their pictures; each run is made once."""
     COMMAND_LINE_PAGE.write_text(render_command_line(), encoding="utf-8")
     CONFORM_PAGE.write()
     CONTROL_PORT_PAGE.write()
@@ -42,14 +41,13 @@ def main() -> None:
     RUN_FOLDER_PAGE.write()
     write_robot_drawings()
     runs = Runs()
-    PAGE.write_text(render_robots(runs), encoding="utf-8")
+    write_papers(runs)
     write_pictures(runs)
     write_waveform_pictures(runs)
     write_calibration_picture()
     write_machine_pictures()
     write_motion_pictures()
     write_warehouse_picture()
-    write_papers()
     write_drawer_pull_film(runs)
 
 
