@@ -7,9 +7,7 @@ from docs.generate.driver_page import DRIVER_PAGE, write_driver_pictures
 from docs.generate.machine_pages import (
     CONTROL_PORT_PAGE,
     FAULTS_PAGE,
-    MACHINE_PAGE,
     RUN_FOLDER_PAGE,
-    render_machine_options,
 )
 from docs.generate.motion_pictures import write_motion_pictures
 from docs.generate.paper_pages import write_papers
@@ -35,7 +33,6 @@ def main() -> None:
     write_driver_pictures()
     FAULTS_PAGE.write()
     PROGRAMS_PAGE.write()
-    MACHINE_PAGE.write_text(render_machine_options(), encoding="utf-8")
     PROTOCOL_PAGE.write()
     ROBOT_FILES_PAGE.write()
     RUN_FOLDER_PAGE.write()

@@ -15,9 +15,7 @@ from docs.generate.driver_page import DRIVER_PAGE
 from docs.generate.machine_pages import (
     CONTROL_PORT_PAGE,
     FAULTS_PAGE,
-    MACHINE_PAGE,
     RUN_FOLDER_PAGE,
-    render_machine_options,
 )
 from docs.generate.paper_pages import PAPERS, PAPERS_FOLDER, render_paper
 from docs.generate.paper_results import SAMPLED
@@ -76,10 +74,6 @@ def test_the_page_of_programs_is_up_to_date() -> None:
 
 def test_the_page_of_the_run_folder_is_up_to_date() -> None:
     assert RUN_FOLDER_PAGE.render() == RUN_FOLDER_PAGE.path.read_text(encoding="utf-8")
-
-
-def test_the_page_of_the_machines_options_is_up_to_date() -> None:
-    assert render_machine_options() == MACHINE_PAGE.read_text(encoding="utf-8")
 
 
 def test_the_page_of_the_command_line_is_up_to_date() -> None:
