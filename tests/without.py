@@ -42,7 +42,7 @@ USES: Final = {
         "tests/host/cli/test_machine_options.py",
         "tests/host/operate/test_identity.py::test_every_live_command_can_be_forced",
         "tests/live/test_shadow.py",
-        "tests/live/test_tutorial_in_a_browser.py",
+        "tests/live/test_live_session_in_a_browser.py",
         "tests/package/test_public_names.py",
         "tests/test_rules.py::test_every_mutation_has_its_place",
     ),
