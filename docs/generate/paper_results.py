@@ -35,7 +35,7 @@ SAMPLED: Final = {
 
 
 def results(outcome: Outcome) -> str:
-    """Return a table with a row for each axis, then the tool, the outputs and the verdict."""
+    """Return a table with a row for each axis, then a list of the tool, the outputs and the verdict."""
     report = outcome.report
     sampled = SAMPLED.get((report.run.robot, report.run.job))
     columns = ["axis", "steps at start", "at end", "pulses", "reversals", "peak steps/s", "error max, steps"]
@@ -44,8 +44,10 @@ def results(outcome: Outcome) -> str:
         columns.insert(4, "pulses in samples")
         for row, pulses in zip(rows, sampled.pulses, strict=True):
             row.insert(4, str(pulses))
+    samples = " The samples are the paper's, with joints rounded to whole steps." if sampled else ""
+    before = f"Steps as the drivers counted them; a perfect counter has an error of 0.5625.{samples}"
     lines = [_tool(report, sampled), *_outputs(report), _verdict(report)]
-    return "\n".join([table(columns, rows), "", *(f"- {line}" for line in lines)])
+    return "\n".join([before, "", table(columns, rows), "", *(f"- {line}" for line in lines)])
 
 
 def _row(axis: AxisReport) -> list[str]:
