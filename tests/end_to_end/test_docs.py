@@ -44,7 +44,8 @@ CHEAP = {"teaching-scara"}
 """Robots whose jobs take little time."""
 
 
-@pytest.mark.parametrize("robot", slow_but(["teaching-scara"], PAPERS))
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", PAPERS)
 def test_the_page_of_a_paper_is_up_to_date(robot: str, runs: Runs) -> None:
     """If this fails, run `make docs` and review what changed."""
     assert render_paper(robot, runs) == (PAPERS_FOLDER / f"{robot}.md").read_text(encoding="utf-8")
@@ -108,6 +109,12 @@ def test_every_robot_is_described() -> None:
     """Those of papers in docs/papers, machines that people build in docs/machines.md."""
     assert {*PAPERS, *MACHINES} == set(robot_names())
     assert [name for name in MACHINES if f"`{name}`" not in MACHINES_PAGE] == []
+
+
+def test_the_robots_of_papers_have_one_board() -> None:
+    """As docs/machines.md says."""
+    boards = [read_robot_file(name)["board"] for name in PAPERS]
+    assert all(board == boards[0] for board in boards)
 
 
 def test_links_lead_somewhere() -> None:
