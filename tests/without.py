@@ -50,6 +50,7 @@ USES: Final = {
         "tests/features/panel/page/test_motions.py::test_a_wrong_file_is_named_as_its_user_knows_it",
         "tests/features/panel/page/test_uploads.py",
         "tests/host/planning/programs/test_reading.py::test_everything_that_is_wrong_is_found_at_once",
+        "tests/host/planning/programs/test_schema.py::test_it_accepts_the_programs_of_the_page",
         "tests/host/planning/programs/test_schema.py::test_it_accepts_the_programs_that_come_along[compass]",
     ),
     "motors": (
