@@ -1,4 +1,4 @@
-"""Draw the pictures of docs/robots.md: three for each run, small enough for a repository."""
+"""Draw the pictures of docs/papers: three for each run, small enough for a repository."""
 
 import re
 from functools import partial
@@ -11,7 +11,7 @@ from matplotlib.patches import Rectangle
 
 from docs.generate.commands import DOCS
 from docs.generate.drawing import write_motor_picture, write_picture, write_run_picture
-from docs.generate.robots_page import PICTURE_KINDS, picture
+from docs.generate.paper_pages import PAPERS, PICTURE_KINDS, picture, read_paper
 from docs.generate.runs import Runs
 from steptwin.features.calibration.identification import identify_errors
 from steptwin.features.calibration.measurements import simulate_measurements
@@ -39,13 +39,11 @@ _DRAWN: Final = dict(zip(PICTURE_KINDS, ("in-space", "joints", "error"), strict=
 
 
 def write_pictures(runs: Runs) -> None:
-    """Draw the pictures of every run that a page shows."""
-    for outcome in runs.made():
-        run = outcome.report.run
+    """Draw the pictures of each paper's experiment."""
+    for robot in PAPERS:
+        job = read_paper(robot).job
         for kind, name in _DRAWN.items():
-            path = DOCS / picture(run.robot, run.job, kind)
-            path.parent.mkdir(exist_ok=True)
-            write_run_picture(path, name, outcome)
+            write_run_picture(DOCS / picture(robot, job, kind), name, runs.outcome(robot, job))
 
 
 _MACHINE_PICTURES: Final = {
@@ -77,16 +75,16 @@ def write_machine_picture(robot: Robot) -> None:
 
 _KIND: Final = "calibration-scara"
 _NAME: Final = "my-arm"
-_ERRORS: Final = re.compile(r"^```toml\n(.*?)^```", re.MULTILINE | re.DOTALL)
+_ERRORS: Final = re.compile(r"^<!-- calibration -->\n```toml\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _MEASURE: Final = re.compile(r"--simulate (\d+) --noise-mm (\S+) --seed (\d+)")
 
 
 def write_calibration_picture() -> None:
     """Calibrate the page's arm by the measurements that the page's command simulates."""
-    page = (DOCS / "calibration.md").read_text(encoding="utf-8")
+    page = (DOCS / "machines.md").read_text(encoding="utf-8")
     errors, measure = _ERRORS.search(page), _MEASURE.search(page)
     if not (errors and measure):
-        raise ValueError("docs/calibration.md has no errors.toml, or no --simulate")
+        raise ValueError("docs/machines.md has no errors.toml, or no --simulate")
     text = robot_text(_NAME, _KIND, *with_settings(_KIND, {}))
     nominal, real = (parse_robot(each, _NAME) for each in (text, text + errors[1]))
     measured = simulate_measurements(real, int(measure[1]), float(measure[2]), int(measure[3]))

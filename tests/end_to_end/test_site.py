@@ -17,7 +17,7 @@ pytest.importorskip("furo", reason="furo is not installed: the site is not built
 
 pytestmark = pytest.mark.live
 
-LOOKED_AT = ["docs/index", "docs/gallery", "docs/command-line", "docs/api", "docs/tutorial", "docs/driver"]
+LOOKED_AT = ["docs/index", "docs/machines", "docs/command-line", "docs/api", "docs/live-session", "docs/driver"]
 """One page of each kind."""
 
 

@@ -79,7 +79,7 @@ def test_every_member_has_a_docstring() -> None:
 
 @pytest.mark.parametrize(
     "path",
-    ["README.md", "docs/commands.md", "docs/api.md", "docs/ci.md", "docs/examples/ci/tests/test_pick_and_place.py"],
+    ["README.md", "docs/first-run.md", "docs/api.md", "docs/ci.md", "docs/examples/ci/tests/test_pick_and_place.py"],
 )
 def test_examples_use_public_names_only(path: str) -> None:
     assert not re.findall(r"(?:from|import) steptwin\.\w+", (ROOT / path).read_text(encoding="utf-8"))
