@@ -42,7 +42,7 @@ from steptwin.features.faults.kinds.wiring import ShortCircuit as ShortCircuit
 from steptwin.features.faults.kinds.wiring import StuckSwitch as StuckSwitch
 from steptwin.features.faults.kinds.wiring import SwitchWire as SwitchWire
 from steptwin.features.faults.options import FaultOptions as FaultOptions
-from steptwin.features.faults.reaction import Motion as Motion
+from steptwin.features.faults.reaction import MotionEffect as MotionEffect
 from steptwin.features.faults.reaction import Reaction as Reaction
 from steptwin.features.faults.scenario import Scenario as Scenario
 from steptwin.features.faults.scenario import TriggeredFault as TriggeredFault
