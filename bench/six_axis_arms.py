@@ -26,10 +26,10 @@ from steptwin.features.arms.six_axis_arm import SixAxisArm
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.processes import collect_seldom
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs.compiling import compile_program
 from steptwin.host.planning.programs.program_file import parse_program
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
 from steptwin.host.robots.kinematics.base import read_geometry
@@ -146,7 +146,7 @@ def programs_tables(kernels: Iterable[Kernel]) -> list[Table]:
     ]
 
 
-def _compiled(text: str) -> Trajectory:
+def _compiled(text: str) -> Motion:
     return compile_program(parse_program(text, Findings()), load_robot(_ROBOT)).trajectory
 
 

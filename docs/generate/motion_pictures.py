@@ -13,9 +13,9 @@ from steptwin.features.motors.limits import motor_limits
 from steptwin.features.motors.turning import motors_of_run
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.findings import Findings
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs import compile_program, parse_program, read_program
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.record.plots.canvas import COUNTED, LIMIT
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
@@ -72,13 +72,13 @@ def write_motion_pictures() -> None:
     write_picture(DOCS / "pictures" / "motors-cycle.png", _cycle)
 
 
-def _motions(program: str, variants: dict[str, tuple[str, str, str]], key: str) -> Iterator[tuple[str, Trajectory]]:
+def _motions(program: str, variants: dict[str, tuple[str, str, str]], key: str) -> Iterator[tuple[str, Motion]]:
     for label, (text, _, _) in variants.items():
         parsed = parse_program(program.format(**{key: text}), Findings())
         yield label, compile_program(parsed, _ROBOT).trajectory
 
 
-def _tool_mm(motion: Trajectory) -> tuple[FloatArray, FloatArray]:
+def _tool_mm(motion: Motion) -> tuple[FloatArray, FloatArray]:
     """Return each millisecond, and the tool there."""
     t_s = np.arange(round(1000 * motion.duration_s) + 1) / 1000
     return t_s, make_kinematics(_ROBOT).forward(motion.positions(t_s))[:, :3]
@@ -103,7 +103,7 @@ _LEFT_PERCENT: Final = (5, 10, 20, 30, 40, 50, 60, 70)
 _STRONGER: Final = "23HS22-2804S"
 
 
-def _swing(robot: Robot, left_percent: float | None) -> Trajectory:
+def _swing(robot: Robot, left_percent: float | None) -> Motion:
     """Return the page's swing of the laboratory's arm, within some percent of the motors' torque or by joints alone."""
     limits = "" if left_percent is None else f'[limits]\nfrom = "motors"\nleft_percent = {left_percent:g}'
     program = parse_program(_SWING.format(limits=limits), Findings())

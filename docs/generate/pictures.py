@@ -22,9 +22,9 @@ from steptwin.features.shelf.section import Shelf
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs import compile_program, parse_program
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.record.plots import DEFAULT_VIEW, PlotView
 from steptwin.host.robots import MACHINES, load_robot, parse_robot
 from steptwin.host.robots.kinematics import make_kinematics
@@ -161,7 +161,7 @@ def _draw_boxes(axes: Axes, robot: Robot, shelf: Shelf, across: int, up: int) ->
         axes.annotate(name, (spot.lid_mm[across], spot.lid_mm[up] - 70.0), ha="center", va="top", fontsize=8)
 
 
-def _draw_motion(axes: Axes, robot: Robot, motion: Trajectory, across: int, up: int) -> None:
+def _draw_motion(axes: Axes, robot: Robot, motion: Motion, across: int, up: int) -> None:
     kinematics = make_kinematics(robot)
     poses = kinematics.forward(motion.positions(np.linspace(0.0, motion.duration_s, 4000)))
     axes.plot(poses[:, across], poses[:, up], color=_PATH, linewidth=1.2, label="tip of the tool")
@@ -189,5 +189,5 @@ def _arm_mm(robot: Robot, joints: FloatArray) -> list[FloatArray]:
     ]
 
 
-def _switched_s(motion: Trajectory, number: int) -> float:
+def _switched_s(motion: Motion, number: int) -> float:
     return motion.output_changes[number].from_s

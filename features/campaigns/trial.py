@@ -19,9 +19,9 @@ from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.checks import TooFastError
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan_stretched
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.reader import read_robot
 from steptwin.host.robots.robot import Robot
@@ -62,7 +62,7 @@ class Trial:
     table: Mapping[str, Any]
     varied: Mapping[str, Any]
     setup: Setup
-    trajectory: Trajectory = field(repr=False)
+    trajectory: Motion = field(repr=False)
     slowable: bool = False
     recover: bool = True
     motors: MotorsTurn | None = None

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from steptwin.host.common.tables import Table
     from steptwin.host.planning.drives import DriveLimits
     from steptwin.host.planning.jobs.job import Job
+    from steptwin.host.planning.motion import Motion
     from steptwin.host.planning.motions.whole import MotionTimer
     from steptwin.host.planning.plan import HighestSpeed, Plan
-    from steptwin.host.planning.trajectory import Trajectory
     from steptwin.host.robots.kinematics.kinds import Kind
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
@@ -164,7 +164,7 @@ class DriveModel(Protocol):
         """
         ...
 
-    def forecast(self, robot: "Robot", motion: "Trajectory") -> str | None:
+    def forecast(self, robot: "Robot", motion: "Motion") -> str | None:
         """Return a warning about a motion, not planned with the drives' limits, before it runs; None for none."""
         ...
 
@@ -344,7 +344,7 @@ class Feature:
     kernels: "Callable[[], Mapping[str, Callable[[], Kernel]]] | None" = None
     program: "Callable[[Any], Callable[[], BoardProgram] | None] | None" = None
     part: MakePart | None = None
-    expected: "Callable[[Robot, Trajectory, Any], Any] | None" = None
+    expected: "Callable[[Robot, Motion, Any], Any] | None" = None
     judge: "Callable[[], FeatureJudge] | None" = None
     figures: "Callable[[], Mapping[str, ReportFigure[SeenAxis]]] | None" = None
     live: Callable[[], LiveWords] | None = None

@@ -11,9 +11,9 @@ import numpy as np
 from steptwin.host.common.arrays import AxisRecords, Int64Array
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import drive_model
-from steptwin.host.planning.motions.held import Held, Hold, TimeSpan
+from steptwin.host.planning.motion import Motion
+from steptwin.host.planning.motions.held import Hold, held, time_span
 from steptwin.host.planning.peaks import Peak, Quantity
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.od import FULL_RATE_Q16, RATE_PERCENT_MAX, rate_q16
 
@@ -43,7 +43,7 @@ class Plan:
     """
 
     robot: Robot
-    trajectory: Trajectory
+    trajectory: Motion
     times_ms: Int64Array
     points_units: Int64Array
     velocities: Int64Array
@@ -94,7 +94,7 @@ class Plan:
             velocities = np.insert(velocities, at + 1, np.zeros((count, velocities.shape[1]), np.int64), axis=0)
         return replace(
             self,
-            trajectory=Held(self.trajectory, tuple(holds)),
+            trajectory=held(self.trajectory, tuple(holds)),
             times_ms=times_ms,
             points_units=points,
             velocities=velocities,
@@ -130,7 +130,7 @@ class Plan:
         count = int(at[0]) + 1
         return replace(
             self,
-            trajectory=TimeSpan(self.trajectory, 0.0, end_ms / 1000),
+            trajectory=time_span(self.trajectory, 0.0, end_ms / 1000),
             times_ms=self.times_ms[:count],
             points_units=self.points_units[:count],
             velocities=self.velocities[:count],

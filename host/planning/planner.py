@@ -15,7 +15,8 @@ from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.planning_time import in_planning_time
 from steptwin.host.planning import checks
-from steptwin.host.planning.motions.stretched import Stretched, largest_stretch, smallest_stretch
+from steptwin.host.planning.motion import DEFAULT_POINT_MS, Motion
+from steptwin.host.planning.motions.stretched import largest_stretch, smallest_stretch, stretched
 from steptwin.host.planning.peaks import (
     Peak,
     Quantity,
@@ -28,14 +29,13 @@ from steptwin.host.planning.peaks import (
     step_rate_peaks,
 )
 from steptwin.host.planning.plan import Plan
-from steptwin.host.planning.trajectory import DEFAULT_POINT_MS, Trajectory
 from steptwin.host.robots.joint import with_fewer_steps
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.pvt import DURATION_MAX_MS, VELOCITY_PER_UNIT_PER_MS
 
 
 @in_planning_time()
-def plan(robot: Robot, trajectory: Trajectory, point_ms: int = DEFAULT_POINT_MS) -> Plan:
+def plan(robot: Robot, trajectory: Motion, point_ms: int = DEFAULT_POINT_MS) -> Plan:
     """Sample a trajectory every `point_ms` milliseconds and at its breakpoints, check it and convert it.
 
     Raises:
@@ -48,7 +48,7 @@ def plan(robot: Robot, trajectory: Trajectory, point_ms: int = DEFAULT_POINT_MS)
 
 @in_planning_time()
 def plan_stretched(
-    robot: Robot, trajectory: Trajectory, stretch: float | None = None, point_ms: int = DEFAULT_POINT_MS
+    robot: Robot, trajectory: Motion, stretch: float | None = None, point_ms: int = DEFAULT_POINT_MS
 ) -> Plan:
     """Plan a trajectory stretched by a factor, or with None by the smallest one that passes, as `plan` does."""
     asked = 1.0 if stretch is None else stretch
@@ -57,7 +57,7 @@ def plan_stretched(
     except checks.TooFastError as error:
         factor = stretch_that_passes(robot, trajectory, error, asked, point_ms)
         if stretch is None:
-            return _plan(robot, Stretched.by(trajectory, factor), point_ms)
+            return _plan(robot, stretched(trajectory, factor), point_ms)
         slower = f"{factor:g} times slower passes (stretch={factor:g})" if factor > 1 else f"stretch={factor:g} passes"
         drives = _slower_drives(robot, _stretched(trajectory, asked), point_ms, error)
         advice = f"{slower}{drives}"
@@ -65,13 +65,13 @@ def plan_stretched(
         raise too_fast.plainly(f"{error.plain}; {advice}") from error
 
 
-def _stretched(trajectory: Trajectory, factor: float) -> Trajectory:
-    return trajectory if factor == 1 else Stretched.by(trajectory, factor)
+def _stretched(trajectory: Motion, factor: float) -> Motion:
+    return trajectory if factor == 1 else stretched(trajectory, factor)
 
 
 def stretch_that_passes(
     robot: Robot,
-    trajectory: Trajectory,
+    trajectory: Motion,
     error: checks.TooFastError,
     asked: float = 1.0,
     point_ms: int = DEFAULT_POINT_MS,
@@ -81,7 +81,7 @@ def stretch_that_passes(
     `error` is the refusal of the motion with the stretch `asked`.
     """
 
-    def passes(stretched: Trajectory) -> bool:
+    def passes(stretched: Motion) -> bool:
         return _passes(robot, stretched, point_ms)
 
     least = error.least_stretch * _stretched(trajectory, asked).duration_s / trajectory.duration_s
@@ -92,7 +92,7 @@ def stretch_that_passes(
     return factor
 
 
-def _passes(robot: Robot, trajectory: Trajectory, point_ms: int) -> bool:
+def _passes(robot: Robot, trajectory: Motion, point_ms: int) -> bool:
     try:
         _plan(robot, trajectory, point_ms)
     except checks.TooFastError:
@@ -100,7 +100,7 @@ def _passes(robot: Robot, trajectory: Trajectory, point_ms: int) -> bool:
     return True
 
 
-def _slower_drives(robot: Robot, trajectory: Trajectory, point_ms: int, error: checks.TooFastError) -> str:
+def _slower_drives(robot: Robot, trajectory: Motion, point_ms: int, error: checks.TooFastError) -> str:
     """Return the drivers that need few enough steps, if the motion passes with them; otherwise an empty text."""
     parts = {peak.joint: peak.limit / peak.value for peak in error.peaks if peak.quantity is Quantity.STEP_RATE}
     choices = robot.board.profile.chip.microsteps
@@ -112,7 +112,7 @@ def _slower_drives(robot: Robot, trajectory: Trajectory, point_ms: int, error: c
     return ", and so does " + " and ".join(f"joints.{name}.{setting}" for name, (_, setting) in changed.items())
 
 
-def step_peaks(robot: Robot, part: Trajectory, from_ms: int, windows: Iterable[Samples]) -> tuple[Peak, ...]:
+def step_peaks(robot: Robot, part: Motion, from_ms: int, windows: Iterable[Samples]) -> tuple[Peak, ...]:
     """Return the peaks of a part of a motion from a time on, as the planner finds them in the whole.
 
     `windows` are those of the part. Raises TooFastError if PVT records cannot hold it.
@@ -122,7 +122,7 @@ def step_peaks(robot: Robot, part: Trajectory, from_ms: int, windows: Iterable[S
     return (*looked.step_rates(own_ms + from_ms), *looked.peaks, *looked.excess)
 
 
-def _plan(robot: Robot, trajectory: Trajectory, point_ms: int) -> Plan:
+def _plan(robot: Robot, trajectory: Motion, point_ms: int) -> Plan:
     """Plan a trajectory; raise TooFastError if it must be stretched."""
     checks.check_joint_names(robot, trajectory)
     times_ms = _point_times_ms(trajectory, point_ms)
@@ -181,7 +181,7 @@ class _Examined(NamedTuple):
         return step_rate_peaks(self.robot, times_ms, self.points, self.velocities)
 
 
-def _point_times_ms(trajectory: Trajectory, point_ms: int, from_ms: int = 0) -> Int64Array:
+def _point_times_ms(trajectory: Motion, point_ms: int, from_ms: int = 0) -> Int64Array:
     """Return the times of the points: the grid, the breakpoints and the end, all in whole milliseconds.
 
     The grid is that of a motion whose part from `from_ms` on is the trajectory.

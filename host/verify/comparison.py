@@ -1,14 +1,14 @@
 """Combine the expectation, a planned motion with the robot's conversions, and the evidence, axis by axis."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Final, Self
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
-from steptwin.host.planning.trajectory import DerivedTrajectory, Trajectory
+from steptwin.host.planning.motion import JointLaw, Motion
 from steptwin.host.robots.coupling import Coupling
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.chain import actual_chain
@@ -23,29 +23,19 @@ from steptwin.host.verify.oracle import IdealSteps, ideal_steps
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class AxisTrajectory(DerivedTrajectory):
-    """A trajectory in axis positions instead of joint positions.
+class AxisLaw(JointLaw):
+    """Positions and velocities of axes, from a law of the joints and their coupling."""
 
-    Attributes:
-        coupling: coupling of axes and joints.
-        axis_names: names of the axes: those of the joints, then those of second motors.
-    """
-
+    law: JointLaw
     coupling: Coupling
-    axis_names: tuple[str, ...]
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """The names of the axes."""
-        return self.axis_names
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return axis positions, of shape (n, axes)."""
-        return self.coupling.to_axes(self.trajectory.positions(t_s))
+        return self.coupling.to_axes(self.law.positions(t_s))
 
     def velocities(self, t_s: FloatArray) -> FloatArray:
         """Return axis velocities, of shape (n, axes)."""
-        return self.coupling.to_axes(self.trajectory.velocities(t_s))
+        return self.coupling.to_axes(self.law.velocities(t_s))
 
 
 _AT_ONCE: Final = 1 << 16
@@ -78,7 +68,7 @@ class Expectation:
         ValueError: the lengths do not agree.
     """
 
-    trajectory: Trajectory
+    trajectory: Motion
     steps_per_unit: FloatArray
     joint_units: tuple[str, ...]
     forward: Forward
@@ -90,7 +80,7 @@ class Expectation:
     task: Task = SCARA
 
     @classmethod
-    def of(cls, robot: Robot, trajectory: Trajectory, features: Mapping[str, Any] | None = None) -> Self:
+    def of(cls, robot: Robot, trajectory: Motion, features: Mapping[str, Any] | None = None) -> Self:
         """Return the expectation for a motion of a robot, with what features expect of it."""
         units = tuple(joint.unit for joint in robot.joints)
         microsteps = tuple(axis.transmission.microsteps for axis in robot.axes)
@@ -127,11 +117,11 @@ class Expectation:
         return self.microsteps[axis] if self.microsteps else None
 
     @property
-    def axis_motion(self) -> Trajectory:
+    def axis_motion(self) -> Motion:
         """The planned motion of the axes."""
         if not self.coupling.matrix:
             return self.trajectory
-        return AxisTrajectory(self.trajectory, self.coupling, self.axis_names)
+        return replace(self.trajectory, joint_names=self.axis_names, law=AxisLaw(self.trajectory.law, self.coupling))
 
     def axis_steps(self, joints: FloatArray) -> FloatArray:
         """Return the axes' positions or speeds in driver steps, from joints' of shape (..., joints)."""

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from steptwin.host.common.arrays import FloatArray, Int8Array
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.trajectory import Trajectory, states
+from steptwin.host.planning.motion import Motion
 
 IndexArray = NDArray[np.intp]
 
@@ -203,9 +203,7 @@ class _AxisCounter:
         )
 
 
-def ideal_steps(
-    trajectory: Trajectory, steps_per_unit: FloatArray, start_steps: tuple[int, ...]
-) -> tuple[IdealSteps, ...]:
+def ideal_steps(trajectory: Motion, steps_per_unit: FloatArray, start_steps: tuple[int, ...]) -> tuple[IdealSteps, ...]:
     """Return the ideal steps of every axis, with instants exact to 0.1 ns.
 
     Args:
@@ -245,10 +243,10 @@ def _grids(duration_s: float) -> Iterator[FloatArray]:
 
 
 def _samples(
-    trajectory: Trajectory, steps_per_unit: FloatArray, grid_s: FloatArray
+    trajectory: Motion, steps_per_unit: FloatArray, grid_s: FloatArray
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Yield for each axis the times and positions in steps, on the grid and at the turning points between its times."""
-    position_steps, velocity_hz = (values * steps_per_unit for values in states(trajectory, grid_s))
+    position_steps, velocity_hz = (values * steps_per_unit for values in trajectory.states(grid_s))
     _check_finite(trajectory, grid_s, position_steps)
     cell, axis = _turning_cells(velocity_hz)
 
@@ -273,7 +271,7 @@ def _samples(
         )
 
 
-def _check_finite(trajectory: Trajectory, grid_s: FloatArray, position_steps: FloatArray) -> None:
+def _check_finite(trajectory: Motion, grid_s: FloatArray, position_steps: FloatArray) -> None:
     bad = np.argwhere(~np.isfinite(position_steps))
     if len(bad):
         sample, axis = bad[0]
@@ -297,7 +295,7 @@ def _extremes(position_steps: FloatArray) -> IndexArray:
     return np.concatenate(([0], turning, [len(position_steps) - 1]))
 
 
-def _solve(trajectory: Trajectory, steps_per_unit: FloatArray, brackets: _Brackets) -> tuple[FloatArray, FloatArray]:
+def _solve(trajectory: Motion, steps_per_unit: FloatArray, brackets: _Brackets) -> tuple[FloatArray, FloatArray]:
     """Return instant and speed of every crossing."""
     time_s = np.empty(len(brackets.axis))
     speeds_hz = np.empty(len(brackets.axis))
@@ -307,9 +305,7 @@ def _solve(trajectory: Trajectory, steps_per_unit: FloatArray, brackets: _Bracke
     return time_s, speeds_hz
 
 
-def _solve_part(
-    trajectory: Trajectory, steps_per_unit: FloatArray, brackets: _Brackets
-) -> tuple[FloatArray, FloatArray]:
+def _solve_part(trajectory: Motion, steps_per_unit: FloatArray, brackets: _Brackets) -> tuple[FloatArray, FloatArray]:
     def distance_at(t_s: FloatArray, which: IndexArray) -> FloatArray:
         position_steps = _pick(trajectory.positions(t_s) * steps_per_unit, brackets.axis[which])
         return position_steps - brackets.thresholds_steps[which]

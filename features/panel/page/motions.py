@@ -28,10 +28,10 @@ from steptwin.host.common.errors import InputError, StepTwinError
 from steptwin.host.planning.drives import known_drives
 from steptwin.host.planning.jobs import job_fields, make_job
 from steptwin.host.planning.jobs.options import OptionField
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan, plan_stretched
 from steptwin.host.planning.programs import SUFFIX, compile_program, read_program
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.planning.trajectory_file import doubt, read_file_motion
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import tool_places_mm
@@ -151,7 +151,7 @@ def path_mm(plan: Plan) -> FloatArray:
     return tool_places_mm(make_kinematics(plan.robot), plan.trajectory.positions(t_s))
 
 
-def _planned(robot: Robot, trajectory: Trajectory, stretch: float | None) -> Plan:
+def _planned(robot: Robot, trajectory: Motion, stretch: float | None) -> Plan:
     return plan(robot, trajectory) if stretch == 1.0 else plan_stretched(robot, trajectory, stretch)
 
 

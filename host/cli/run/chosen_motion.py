@@ -16,9 +16,9 @@ from steptwin.host.common.features import FileOptions, drive_model
 
 if TYPE_CHECKING:
     from steptwin.host.planning.drives import DriveLimits
+    from steptwin.host.planning.motion import Motion
     from steptwin.host.planning.plan import Plan
     from steptwin.host.planning.polygon import Departure
-    from steptwin.host.planning.trajectory import Trajectory
     from steptwin.host.planning.trajectory_file import FileMotion
     from steptwin.host.robots.robot import Robot
 
@@ -224,7 +224,7 @@ _Explained = Callable[[float], AbstractContextManager[None]]
 class _Motion(NamedTuple):
     """A motion, the points of its trajectory file, the explanation of a refusal, and True for a motor forecast."""
 
-    trajectory: "Trajectory"
+    trajectory: "Motion"
     file: "FileMotion | None"
     explained: _Explained
     is_foretold: bool = False
@@ -284,7 +284,7 @@ def _program(robot: "Robot", path: str, options: Mapping[str, str]) -> _Motion:
     return _Motion(compiled.trajectory, None, explained, program.limits is None)
 
 
-def _planned(robot: "Robot", trajectory: "Trajectory", options: MotionOptions, explained: _Explained) -> "Plan":
+def _planned(robot: "Robot", trajectory: "Motion", options: MotionOptions, explained: _Explained) -> "Plan":
     """Plan a motion with its slowness, and print the consequence."""
     from steptwin.host.planning.planner import plan, plan_stretched
 

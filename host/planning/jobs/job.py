@@ -18,9 +18,9 @@ from steptwin.host.planning.jobs.options import (
     parse_options,
     place_options,
 )
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.motions.whole import FASTEST, has_timer, motion_timer
 from steptwin.host.planning.paths import OutOfReachError
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.kinematics import Elbow, HybridArm, Scara, make_kinematics, within_limits
 from steptwin.host.robots.robot import Robot
 
@@ -108,10 +108,10 @@ class Job(Generic[Options]):
     name: str
     summary: str
     options: type[Options]
-    build: Callable[[Robot, Options], Trajectory]
+    build: Callable[[Robot, Options], Motion]
     intent: Callable[[Robot, Options], Any] | None = None
 
-    def make(self, robot: Robot, texts: Mapping[str, str], drives: DriveLimits | None = None) -> Trajectory:
+    def make(self, robot: Robot, texts: Mapping[str, str], drives: DriveLimits | None = None) -> Motion:
         """Return the trajectory for options given as texts; raise InputError as `parse_options` and `build`.
 
         Errors about a place out of reach, or a joint beyond its limits, name the options to set.
@@ -159,7 +159,7 @@ _CHECKED: Final = 2000
 """Number of instants when the joints' limits are checked; the planner checks every millisecond."""
 
 
-def _check_limits(robot: Robot, trajectory: Trajectory) -> None:
+def _check_limits(robot: Robot, trajectory: Motion) -> None:
     """Raise OutOfReachError, as the planner does, if joints are clearly beyond their limits."""
     positions = trajectory.positions(np.linspace(0.0, trajectory.duration_s, _CHECKED))
     if not within_limits(robot.joints, positions).all():

@@ -14,8 +14,8 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.whole_file import whole_file
+from steptwin.host.planning.motion import Motion, OutputChange
 from steptwin.host.planning.plan import Plan
-from steptwin.host.planning.trajectory import OutputChange, Trajectory
 from steptwin.host.planning.trajectory_file import read_trajectory_until
 from steptwin.host.planning.trajectory_file.points import TOOL_AXES, VELOCITY, derived_columns
 from steptwin.host.record.folder.layout import TRAJECTORY, existing_file
@@ -66,7 +66,7 @@ def trajectory_row(t_s: float, positions: Sequence[float], velocities: Sequence[
     return ",".join(map(repr, (t_s, *positions, *velocities))) + derived + "\n"
 
 
-def read_motion(folder: Path, robot: Robot, output_changes: Sequence[OutputChange], until_s: float = inf) -> Trajectory:
+def read_motion(folder: Path, robot: Robot, output_changes: Sequence[OutputChange], until_s: float = inf) -> Motion:
     """Return the stored motion, or its part up to an instant, with the planned changes of outputs.
 
     Raises:

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.planning.motion import Motion
 from steptwin.host.record.plots.canvas import COUNTED, LIMIT, PLANNED, Sheet, thinned, write_inside
 from steptwin.host.record.plots.shown_run import ShownRun, accepted_rates, planned_rates
 from steptwin.host.robots.joint import Joint
@@ -82,7 +82,7 @@ def draw_joints(sheet: Sheet, shown: ShownRun) -> None:
     rows[-1][0].set_xlim(0.0, shown.end_s)
 
 
-def mean_accelerations(trajectory: Trajectory, t_s: FloatArray) -> FloatArray:
+def mean_accelerations(trajectory: Motion, t_s: FloatArray) -> FloatArray:
     """Return the joints' mean accelerations over the millisecond around each instant, shape (n, joints).
 
     At both ends it is the half millisecond within the motion.

@@ -15,7 +15,6 @@ from steptwin.host.common.features import giving
 from steptwin.host.operate.inputs_outputs import plan_made, streamed_motion, waits_made
 from steptwin.host.operate.setting_up import set_up
 from steptwin.host.planning.plan import Plan
-from steptwin.host.planning.trajectory import waits_of
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.embedded.outcome import Outcome, RunEnd, RunFault, not_begun
@@ -75,7 +74,7 @@ def execute(
         kernel,
         options,
         commissioned=False,  # `set_up` writes every setting
-        waits_for={wait.input for wait in waits_of(plan.trajectory)},
+        waits_for={wait.input for wait in plan.trajectory.waits},
     )
     on_board(board)
     board.change_inputs(inputs)

@@ -9,8 +9,8 @@ from steptwin.features.shelf.jobs import missed_places
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.motion import Motion, OutputChange
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.trajectory import OutputChange, Trajectory, waits_of
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from tests.features.shelf.shelves import ROBOT, SHELF, with_shelf
@@ -20,11 +20,11 @@ SCARA = make_kinematics(ROBOT)
 SX, SZ, L1 = range(3)
 
 
-def job(name: str, **options: str) -> Trajectory:
+def job(name: str, **options: str) -> Motion:
     return make_job(ROBOT, name, options)
 
 
-def pose_at(trajectory: Trajectory, switching: OutputChange) -> FloatArray:
+def pose_at(trajectory: Motion, switching: OutputChange) -> FloatArray:
     """Return the tool's pose in the middle of a switching, after checking that it is the same at both ends."""
     t_s = np.linspace(switching.from_s, switching.until_s, 11)
     poses = SCARA.forward(trajectory.positions(t_s))
@@ -130,7 +130,7 @@ def test_every_slot_is_filled_and_emptied_in_turn() -> None:
 
 
 def test_a_job_that_waits_for_the_sensors() -> None:
-    waits = waits_of(job("fetch", sensors="wait"))
+    waits = job("fetch", sensors="wait").waits
     assert [(wait.input, wait.on, wait.place) for wait in waits] == [
         ("lock_engaged", True, "A1"),
         ("drawer_end", True, "A1"),
@@ -138,7 +138,7 @@ def test_a_job_that_waits_for_the_sensors() -> None:
         ("lock_engaged", False, "A1"),
         ("box_present", False, "hand-over"),
     ]
-    shorter = waits_of(job("fetch", sensors="wait", travel_mm="179.9"))
+    shorter = job("fetch", sensors="wait", travel_mm="179.9").waits
     assert "drawer_end" not in [wait.input for wait in shorter]
     blind = with_shelf(ROBOT, dataclasses.replace(SHELF, box_present=""))
     with refusing(InputError):

@@ -5,7 +5,7 @@ import pytest
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Trapezoid
-from steptwin.host.planning.motions.joint_move import JointMove, limits_along
+from steptwin.host.planning.motions.joint_move import JointMove, joint_move, limits_along
 from steptwin.host.planning.peaks import Quantity
 from steptwin.host.planning.planner import plan, plan_stretched
 from steptwin.host.robots.robot import Robot
@@ -14,7 +14,7 @@ from tests.messages import refusing
 
 
 def arm_move(robot: Robot, th1: float, th2: float, law: Trapezoid) -> JointMove:
-    return JointMove(robot.joint_names, robot.home, (th1, th2, 0.0, 0.0), law)
+    return joint_move(robot.joint_names, robot.home, (th1, th2, 0.0, 0.0), law)
 
 
 @pytest.mark.parametrize(("coupling", "elbow_axis_deg"), [(DIRECT, 50.0), (TWO_TO_ONE, 80.0)])

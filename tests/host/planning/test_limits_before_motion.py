@@ -9,7 +9,7 @@ import pytest
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.laws import Trapezoid
-from steptwin.host.planning.motions.joint_move import JointMove
+from steptwin.host.planning.motions.joint_move import JointMove, joint_move
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import brought_text, load_robot, parse_robot
@@ -35,7 +35,7 @@ class TestScrewOf10Mm:
     def lifted(self, robot: Robot, speed_mm_s: float) -> Plan:
         """Return d1 moved up by 200 mm at a speed and 400 mm/s^2."""
         law = Trapezoid.fastest(1.0, speed_mm_s / 200.0, 400.0 / 200.0)
-        return plan(robot, JointMove(robot.joint_names, (0.0, 0.0, 30.0, 0.0), (200.0, 0.0, 30.0, 0.0), law))
+        return plan(robot, joint_move(robot.joint_names, (0.0, 0.0, 30.0, 0.0), (200.0, 0.0, 30.0, 0.0), law))
 
     def test_its_file_may_not_set_140_mm_per_s(self) -> None:
         told = complaint_of(lambda: parse_robot(self.TEXT.replace(*self.LEADS), "mine.toml"))
@@ -101,7 +101,7 @@ def test_a_spiral_as_near_as_it_may_be() -> None:
 
 def test_th3_beyond_130_deg() -> None:
     def move(goal_deg: float) -> JointMove:
-        return JointMove(LAB.joint_names, LAB.home, (150.0, 0.0, goal_deg, 0.0), Trapezoid(1.0, 2.0, 0.5))
+        return joint_move(LAB.joint_names, LAB.home, (150.0, 0.0, goal_deg, 0.0), Trapezoid(1.0, 2.0, 0.5))
 
     plan(LAB, move(130.0))
     with refusing(InputError):

@@ -10,8 +10,8 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.laws import Cubic, Trapezoid
-from steptwin.host.planning.motions.composer import Standstill
-from steptwin.host.planning.motions.joint_move import JointMove
+from steptwin.host.planning.motions.composer import standstill
+from steptwin.host.planning.motions.joint_move import JointMove, joint_move
 from steptwin.host.planning.planner import plan, plan_stretched
 from steptwin.host.planning.programs import CompiledProgram, compile_program, parse_program
 from steptwin.host.robots import load_robot
@@ -42,7 +42,7 @@ class TestPositions:
         def to(position: float) -> JointMove:
             goal = [0.0, 10.0, 1.0, 0.0]
             goal[i] = position
-            return JointMove(ROBOT.joint_names, (0.0, 10.0, 1.0, 0.0), tuple(goal), Cubic(1.0, 20.0))
+            return joint_move(ROBOT.joint_names, (0.0, 10.0, 1.0, 0.0), tuple(goal), Cubic(1.0, 20.0))
 
         beyond = (joint.upper if side > 0 else joint.lower) + side * 0.123
         told = complaint_of(lambda: plan(ROBOT, to(beyond)))
@@ -54,7 +54,7 @@ class TestPositions:
 
 def lift(distance_mm: float, duration_s: float) -> JointMove:
     goal = (0.0, 10.0, distance_mm, 0.0)
-    return JointMove(ROBOT.joint_names, (0.0, 10.0, 0.0, 0.0), goal, Trapezoid(1.0, duration_s, 0.1))
+    return joint_move(ROBOT.joint_names, (0.0, 10.0, 0.0, 0.0), goal, Trapezoid(1.0, duration_s, 0.1))
 
 
 class TestDrives:
@@ -101,7 +101,7 @@ class TestDrives:
 
     def test_of_two_joints(self) -> None:
         robot = tireless(ROBOT)
-        motion = JointMove(ROBOT.joint_names, (0.0,) * 4, (100.0, 90.0, 0.0, 0.0), Cubic(1.0, 0.2))
+        motion = joint_move(ROBOT.joint_names, (0.0,) * 4, (100.0, 90.0, 0.0, 0.0), Cubic(1.0, 0.2))
         changes = self.settings(robot, motion)
         assert set(changes) == {"th1", "th2"}
         plan(self.refitted(robot, changes), motion)
@@ -111,7 +111,7 @@ class TestDrives:
         """The driver is a slow one: the wire's records could not tell 15 kHz of full steps."""
         robot = replace(tireless(ROBOT), board=replace(ROBOT.board, step_rate_max_hz=1000.0))
         goal = tuple(60.0 if joint == name else 0.0 for joint in ROBOT.joint_names)
-        motion = JointMove(ROBOT.joint_names, (0.0,) * 4, goal, Cubic(1.0, duration_s))
+        motion = joint_move(ROBOT.joint_names, (0.0,) * 4, goal, Cubic(1.0, duration_s))
         changes = self.settings(robot, motion)
         assert changes == {name: {"microsteps": 1, key: changes[name][key]}}
         plan(self.refitted(robot, changes), motion)
@@ -225,6 +225,6 @@ class TestStepsOfPrograms:
 
 
 def test_a_pause_is_as_long_as_told() -> None:
-    told = complaint_of(lambda: plan(ROBOT, Standstill(ROBOT.joint_names, ROBOT.home, 0.3004)))
+    told = complaint_of(lambda: plan(ROBOT, standstill(ROBOT.joint_names, ROBOT.home, 0.3004)))
     near_s = float(told.rsplit("the nearest is ", 1)[1].removesuffix(" s"))
-    assert plan(ROBOT, Standstill(ROBOT.joint_names, ROBOT.home, near_s)).times_ms[-1] == 300
+    assert plan(ROBOT, standstill(ROBOT.joint_names, ROBOT.home, near_s)).times_ms[-1] == 300

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.planning.trajectory import OutputChange
+from steptwin.host.planning.motion import JointLaw, Motion
 from steptwin.host.record.folder.edges_file import PINS
 from steptwin.host.verify import (
     AxisEvidence,
@@ -38,18 +38,11 @@ Scalar = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
-    """A trajectory of joints a, b, ... given as functions of time."""
+class Columns(JointLaw):
+    """A law with a position and a velocity function for each joint."""
 
-    duration_s: float
     position: tuple[Scalar, ...]
     velocity: tuple[Scalar, ...]
-    breakpoints_s: tuple[float, ...] = ()
-    output_changes: tuple[OutputChange, ...] = ()
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        return tuple("abcdefgh"[: len(self.position)])
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         return np.column_stack([f(t_s) for f in self.position])
@@ -89,8 +82,9 @@ def trapezoid(start: float, distance: float, duration_s: float, ramp_s: float) -
 
 
 def motion(duration_s: float, *joints: tuple[Scalar, Scalar]) -> Motion:
-    """Return a trajectory of the given joints."""
-    return Motion(duration_s, tuple(p for p, _ in joints), tuple(v for _, v in joints))
+    """Return a motion of joints a, b, ... given as functions of time."""
+    law = Columns(tuple(p for p, _ in joints), tuple(v for _, v in joints))
+    return Motion(tuple("abcdefgh"[: len(joints)]), duration_s, law)
 
 
 def still(position: float) -> tuple[Scalar, Scalar]:

@@ -5,8 +5,8 @@ import pytest
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from tests.host.complaints import complaint_of
@@ -35,7 +35,7 @@ GOLDEN_QUINTIC = {
 """th1, th2, th4 at step k of 66 in 0.99 s."""
 
 
-def carry(**options: str) -> Trajectory:
+def carry(**options: str) -> Motion:
     return make_job(ROBOT, "carry", options)
 
 
@@ -101,7 +101,7 @@ def test_the_gripper_switches_only_when_lowered() -> None:
     plan(ROBOT, trajectory)
 
 
-def entered(**options: str) -> Trajectory:
+def entered(**options: str) -> Motion:
     return make_job(ROBOT, "carry", {"from": "150,60", "to": "100,-50", **options})
 
 

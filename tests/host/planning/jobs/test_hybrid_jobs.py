@@ -7,8 +7,8 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.jobs.hybrid_jobs import five_poses
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
@@ -40,7 +40,7 @@ GOLDEN_POINTS = """
 """Rows of X, Y, Z, th1, Z5, Z6 at 0, 288, 576, 864 and 1152 degrees around the helix: every fifth of its four turns."""
 
 
-def helix(**options: str) -> Trajectory:
+def helix(**options: str) -> Motion:
     return make_job(ROBOT, "helix", options)
 
 
@@ -90,7 +90,7 @@ def test_too_fast_a_helix_is_refused() -> None:
         plan(ROBOT, helix(duration_s="15"))
 
 
-def five_points_of(robot: Robot, **options: str) -> tuple[Trajectory, FloatArray]:
+def five_points_of(robot: Robot, **options: str) -> tuple[Motion, FloatArray]:
     """Return the job and the joints at its rests, of shape (points, 4), in order of time."""
     trajectory = make_job(robot, "five-points", options)
     t_s = np.arange(0.0, trajectory.duration_s, 0.01)

@@ -8,8 +8,8 @@ import pytest
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import job_names, job_options, make_job
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from tests.host.complaints import complaint_of
@@ -38,7 +38,7 @@ LEFT_TABLE = [
 ]
 
 
-def pull(**options: str) -> Trajectory:
+def pull(**options: str) -> Motion:
     return make_job(ROBOT, "pull-line", options)
 
 

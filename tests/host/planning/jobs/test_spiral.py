@@ -6,8 +6,8 @@ import pytest
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from tests.host.complaints import complaint_of
@@ -37,7 +37,7 @@ GOLDEN_LEFT = {
 }
 
 
-def spiral(**options: str) -> Trajectory:
+def spiral(**options: str) -> Motion:
     return make_job(ROBOT, "spiral", options)
 
 

@@ -9,8 +9,8 @@ import pytest
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
+from steptwin.host.planning.motion import Wait
 from steptwin.host.planning.programs import CompiledProgram, compile_program, compiling, parse_program
-from steptwin.host.planning.trajectory import Wait
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot

@@ -82,7 +82,7 @@ def test_ramps_around_a_file_with_a_pause(tmp_path: Path) -> None:
         assert motion.trajectory.duration_s == 2.7
         inner = motion.through
         assert isinstance(inner, Sequence)
-        assert [type(part) is Standstill for part in inner.parts] == [False, True, False]
+        assert [type(part.law) is Standstill for part in inner.law.parts] == [False, True, False]
         assert np.abs(inner.velocities(np.array([0.0, 2.5]))).max(axis=1).min() > 5.0
         assert np.abs(inner.velocities(np.array([1.0, 1.25, 1.5]))).max() < 1e-9
         plan(ROBOT, motion.trajectory)

@@ -14,6 +14,7 @@ from steptwin.host.robots import load_robot, robot_names
 from steptwin.host.robots.kinematics import make_kinematics
 from tests.host.complaints import complaint_of
 from tests.host.robots.kinematics.test_usual_scara import scara
+from tests.laws import law_of
 
 ROBOT = load_robot("teaching-scara")
 CSV = """t,x,y,z,phi
@@ -164,7 +165,7 @@ def test_the_tool_stands_where_poses_repeat(tmp_path: Path) -> None:
     text = "t,x,y,z,phi\n0,150,80,-60,0\n1,150,-20,-60,30\n1.5,150,-20,-60,30\n2,120,-60,-50,30\n"
     motion = read(tmp_path, text).trajectory
     assert isinstance(motion, Sequence)
-    assert [type(part) is Standstill for part in motion.parts] == [False, True, False]
+    assert [type(part.law) is Standstill for part in law_of(motion, Sequence).parts] == [False, True, False]
 
 
 def test_velocities_of_the_tool_become_the_joints(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import CSV_BYTES_MAX, JSON_BYTES_MAX, LINE_CHARS_MAX
-from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.trajectory_file import LONGEST_S, is_trajectory_file, read_trajectory
 from steptwin.host.robots import load_robot
 from tests.host.complaints import complaint_of
@@ -69,7 +69,7 @@ def with_points(made: dict[str, Any], **entries: Any) -> dict[str, Any]:
     return made
 
 
-def read(folder: Path, content: str | bytes, suffix: str = ".csv") -> Trajectory:
+def read(folder: Path, content: str | bytes, suffix: str = ".csv") -> Motion:
     file = folder / f"motion{suffix}"
     file.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))
     return read_trajectory(str(file), ROBOT)
@@ -83,7 +83,7 @@ def complaint(folder: Path, content: str | bytes, suffix: str = ".csv") -> str:
     return rest
 
 
-def assert_passes_through(trajectory: Trajectory) -> None:
+def assert_passes_through(trajectory: Motion) -> None:
     assert trajectory.joint_names == NAMES
     assert trajectory.duration_s == 1.25
     assert trajectory.positions(np.array(TIMES_S)) == pytest.approx(np.array(POSITIONS), abs=1e-12)

@@ -25,6 +25,7 @@ from steptwin.host.twin.machine.input_changes import InputChange
 from steptwin.host.verify import Expectation, compare, verify_comparison
 from steptwin.protocol.pvt import PvtRecord
 from tests.host.complaints import complaint_of
+from tests.laws import law_of
 from tests.messages import refusing
 
 ROBOT = load_robot("teaching-scara")
@@ -189,4 +190,4 @@ class TestLive:
         assert status.inputs == {"part_ready": False}
         board.set_input("part_ready", on=True)
         assert read_status(session).inputs == {"part_ready": True}
-        assert execute_live(session, plan(ROBOT, MOTION.parts[0]), "on", approach=True).passed
+        assert execute_live(session, plan(ROBOT, law_of(MOTION, Sequence).parts[0]), "on", approach=True).passed
