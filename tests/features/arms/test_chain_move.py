@@ -75,8 +75,9 @@ class TestThroughTheStretchedWrist:
     def test_it_is_told_where_the_branch_changes(self) -> None:
         path, joints = self.line()
         move = along(self.ROBOT, path, joints)
-        assert move.branch == "front-up-noflip"
-        ((at_s, name),) = law_of(move, ToolMove).changes
+        law = law_of(move, ToolMove)
+        assert law.branch == "front-up-noflip"
+        ((at_s, name),) = law.changes
         assert name == "front-up-flip"
         assert move.positions(np.array([at_s]))[0, 4] == pytest.approx(0.0, abs=0.1)
 

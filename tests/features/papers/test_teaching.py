@@ -11,7 +11,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.jobs import job_extras, make_job
 from steptwin.host.planning.jobs.carry import GOAL_RAD, START_RAD
 from steptwin.host.planning.laws import Cubic, Law, Quintic
-from steptwin.host.planning.motions.joint_move import JointMove, joint_move
+from steptwin.host.planning.motions.joint_move import JointMove
 from steptwin.host.planning.planner import plan
 from steptwin.host.twin.embedded.execution import execute
 from tests.features.papers.numbers import Arm, Misprint, Number, check_misprint, check_number, numbers_of_page
@@ -26,7 +26,7 @@ RATIO = -sin(TH1) / sin(TH1 + TH2)
 
 
 def motion(law: Law) -> JointMove:
-    return joint_move(ARM.robot.joint_names, QA_DEG, QB_DEG, law)
+    return JointMove(QA_DEG, QB_DEG, law)
 
 
 CUBIC, QUINTIC = motion(Cubic(1.0, 1.0)), motion(Quintic(1.0, 1.0))

@@ -5,7 +5,8 @@ import pytest
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Trapezoid
-from steptwin.host.planning.motions.joint_move import JointMove, joint_move, limits_along
+from steptwin.host.planning.motion import Motion
+from steptwin.host.planning.motions.joint_move import joint_move, limits_along
 from steptwin.host.planning.peaks import Quantity
 from steptwin.host.planning.planner import plan, plan_stretched
 from steptwin.host.robots.robot import Robot
@@ -13,7 +14,7 @@ from tests.host.robots.coupled import DIRECT, TWO_TO_ONE, UNITS_PER_DEG, coupled
 from tests.messages import refusing
 
 
-def arm_move(robot: Robot, th1: float, th2: float, law: Trapezoid) -> JointMove:
+def arm_move(robot: Robot, th1: float, th2: float, law: Trapezoid) -> Motion:
     return joint_move(robot.joint_names, robot.home, (th1, th2, 0.0, 0.0), law)
 
 

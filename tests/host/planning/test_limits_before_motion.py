@@ -9,7 +9,8 @@ import pytest
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.laws import Trapezoid
-from steptwin.host.planning.motions.joint_move import JointMove, joint_move
+from steptwin.host.planning.motion import Motion
+from steptwin.host.planning.motions.joint_move import joint_move
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import brought_text, load_robot, parse_robot
@@ -100,7 +101,7 @@ def test_a_spiral_as_near_as_it_may_be() -> None:
 
 
 def test_th3_beyond_130_deg() -> None:
-    def move(goal_deg: float) -> JointMove:
+    def move(goal_deg: float) -> Motion:
         return joint_move(LAB.joint_names, LAB.home, (150.0, 0.0, goal_deg, 0.0), Trapezoid(1.0, 2.0, 0.5))
 
     plan(LAB, move(130.0))

@@ -10,8 +10,9 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.laws import Cubic, Trapezoid
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.motions.composer import standstill
-from steptwin.host.planning.motions.joint_move import JointMove, joint_move
+from steptwin.host.planning.motions.joint_move import joint_move
 from steptwin.host.planning.planner import plan, plan_stretched
 from steptwin.host.planning.programs import CompiledProgram, compile_program, parse_program
 from steptwin.host.robots import load_robot
@@ -39,7 +40,7 @@ class TestPositions:
     def test_the_nearest_one(self, joint: Joint, side: int) -> None:
         i = ROBOT.joint_names.index(joint.name)
 
-        def to(position: float) -> JointMove:
+        def to(position: float) -> Motion:
             goal = [0.0, 10.0, 1.0, 0.0]
             goal[i] = position
             return joint_move(ROBOT.joint_names, (0.0, 10.0, 1.0, 0.0), tuple(goal), Cubic(1.0, 20.0))
@@ -52,7 +53,7 @@ class TestPositions:
         complaint_of(lambda: plan(ROBOT, to(beyond - side * float(excess) * 0.99)))
 
 
-def lift(distance_mm: float, duration_s: float) -> JointMove:
+def lift(distance_mm: float, duration_s: float) -> Motion:
     goal = (0.0, 10.0, distance_mm, 0.0)
     return joint_move(ROBOT.joint_names, (0.0, 10.0, 0.0, 0.0), goal, Trapezoid(1.0, duration_s, 0.1))
 
@@ -60,7 +61,7 @@ def lift(distance_mm: float, duration_s: float) -> JointMove:
 class TestDrives:
     """With motors that can do anything, the step rate alone is too high, and another drive would do."""
 
-    def settings(self, robot: Robot, trajectory: JointMove) -> dict[str, dict[str, float]]:
+    def settings(self, robot: Robot, trajectory: Motion) -> dict[str, dict[str, float]]:
         """Return the keys and values for each joint that the refusal names."""
         told = complaint_of(lambda: plan(robot, trajectory))
         assert " kHz of steps at t = " in told

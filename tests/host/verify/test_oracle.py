@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.motion import Motion
 from steptwin.host.verify import oracle
 from steptwin.host.verify.oracle import IdealSteps, ideal_steps
-from tests.host.verify.motions import Motion, Scalar, line, motion, sines, still, trapezoid
+from tests.host.verify.motions import Scalar, line, motion, sines, still, trapezoid
 from tests.work import counting, function_calls
 
 H = 9 / 16

@@ -5,8 +5,7 @@ import pytest
 from pick_and_place.arm import Arm, ArmError
 from pick_and_place.planner import Point, plan_move
 
-from steptwin import BoardUnderTest, EmergencyStop, FaultOptions, FrameLoss, Motion, Scheduled
-from steptwin.host.planning.motions.sampled import hermite_spline
+from steptwin import BoardUnderTest, EmergencyStop, FaultOptions, FrameLoss, Motion, Scheduled, hermite_spline
 
 COUNTS_PER_S = 72_000_000
 HALF_A_STEP = 0.02

@@ -14,6 +14,7 @@ from steptwin.host.operate.inputs_outputs import streamed_motion
 from steptwin.host.operate.running import execute_live
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import read_status
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.motions.composer import Composer, Sequence
 from steptwin.host.planning.planner import plan, plan_stretched
 from steptwin.host.record.folder import read_run, verify_folder
@@ -31,7 +32,7 @@ from tests.messages import refusing
 ROBOT = load_robot("teaching-scara")
 
 
-def motion() -> Sequence:
+def motion() -> Motion:
     """Return a motion of th1 there and back, with a wait for each level of the input."""
     composer = Composer(ROBOT, np.array(ROBOT.home))
     composer.go_some({"th1": 30.0, "th4": 10.0})
