@@ -88,7 +88,7 @@ def _part(lines: int, turns: int) -> str:
             begin_s = process_time()
             compiled = compile_program(parse_program(_PART, Findings(), Path(folder)), ROBOT)
             took_s = process_time() - begin_s
-    return f"pocket|{lines}|{compiled.trajectory.duration_s:.3f}|{took_s:.2f}"
+    return f"pocket|{lines}|{compiled.motion.duration_s:.3f}|{took_s:.2f}"
 
 
 _PART: Final = """
@@ -209,7 +209,7 @@ def _pick(robot: Robot, places: FloatArray, blend_mm: float, left: float) -> tup
     )
     program = parse_program(_PICK.format(names, left=left, positions=positions, steps=steps), Findings())
     made = compile_program(program, robot, drives=motor_limits)
-    return made.trajectory, [row.drives for row in made.steps if row.drives]
+    return made.motion, [row.drives for row in made.steps if row.drives]
 
 
 def _position(robot: Robot, at: FloatArray) -> str:

@@ -147,13 +147,13 @@ def programs_tables(kernels: Iterable[Kernel]) -> list[Table]:
 
 
 def _compiled(text: str) -> Motion:
-    return compile_program(parse_program(text, Findings()), load_robot(_ROBOT)).trajectory
+    return compile_program(parse_program(text, Findings()), load_robot(_ROBOT)).motion
 
 
 def _planning_row(name: str, text: str) -> str:
     robot, motion = load_robot(_ROBOT), _compiled(text)
     compile_s, plan_s = (median(_taken_s(make) for _ in range(ROUNDS)) for make in _ways(text))
-    both_s, duration_s = compile_s + plan_s, plan(robot, motion).trajectory.duration_s
+    both_s, duration_s = compile_s + plan_s, plan(robot, motion).motion.duration_s
     return f"{name}|{duration_s:.1f}|{compile_s:.2f}|{plan_s:.2f}|{both_s:.2f}|{1000 * both_s / duration_s:.2f}"
 
 

@@ -1,4 +1,4 @@
-"""Make the motions that every method is given: the records as sent over the wire, and the trajectory behind them.
+"""Make the motions that every method is given: the records as sent over the wire, and the motion behind them.
 
 Four are jobs of the robots. The fifth is a stress test: seven axes on sines of different frequencies, which all reach
 14 kHz and accelerate with up to 77 000 steps/s^2.
@@ -39,8 +39,8 @@ class PlannedMotion:
 
     Attributes:
         name: its name in the tables.
-        trajectory: the exact motion, from which the ideal steps are computed.
-        steps_per_unit: steps per unit of the trajectory, shape (axes,).
+        exact: the motion itself, from which the ideal steps are computed.
+        steps_per_unit: steps per unit of the motion, shape (axes,).
         microsteps: microsteps per full step, shape (axes,).
         times_ms: times of the points from 0 to the end, shape (points,).
         points_units: positions in wire units, shape (axes, points).
@@ -49,7 +49,7 @@ class PlannedMotion:
     """
 
     name: str
-    trajectory: Motion
+    exact: Motion
     steps_per_unit: FloatArray
     microsteps: Int64Array
     times_ms: Int64Array
@@ -94,7 +94,7 @@ def motion_of_job(robot: Robot, job: str) -> PlannedMotion:
     microsteps = np.array([joint.transmission.microsteps for joint in robot.axes])
     return PlannedMotion(
         f"{robot.name} {job}",
-        made.trajectory,
+        made.motion,
         robot.steps_per_unit,
         microsteps,
         made.times_ms,

@@ -75,7 +75,7 @@ def write_motion_pictures() -> None:
 def _motions(program: str, variants: dict[str, tuple[str, str, str]], key: str) -> Iterator[tuple[str, Motion]]:
     for label, (text, _, _) in variants.items():
         parsed = parse_program(program.format(**{key: text}), Findings())
-        yield label, compile_program(parsed, _ROBOT).trajectory
+        yield label, compile_program(parsed, _ROBOT).motion
 
 
 def _tool_mm(motion: Motion) -> tuple[FloatArray, FloatArray]:
@@ -107,7 +107,7 @@ def _swing(robot: Robot, left_percent: float | None) -> Motion:
     """Return the page's swing of the laboratory's arm, within some percent of the motors' torque or by joints alone."""
     limits = "" if left_percent is None else f'[limits]\nfrom = "motors"\nleft_percent = {left_percent:g}'
     program = parse_program(_SWING.format(limits=limits), Findings())
-    return compile_program(program, robot, drives=motor_limits).trajectory
+    return compile_program(program, robot, drives=motor_limits).motion
 
 
 def _motors() -> Figure:
@@ -162,7 +162,7 @@ def _cycle() -> Figure:
 def _engraving() -> Figure:
     """Draw the page's engraving as the motion makes it, and a corner of it beside the lines of the file."""
     program = read_program(str(DOCS / "programs" / "engraving" / "compass.toml"))
-    tool_mm = _tool_mm(compile_program(program, _ROBOT).trajectory)[1]
+    tool_mm = _tool_mm(compile_program(program, _ROBOT).motion)[1]
     cuts = tool_mm[:, 2] < _PLATE_Z_MM
     figure = Figure(figsize=(10, 5.2), layout="constrained")
     figure.suptitle("compass.ngc: the tool from above, and a point of the star from nearby", x=0.01, ha="left")

@@ -67,7 +67,7 @@ def write_machine_picture(robot: Robot) -> None:
     kind, drawn = _MACHINE_PICTURES[robot.kinematics]
     example = f"docs/programs/{robot.name}.toml"
     program = parse_program((DOCS.parent / example).read_text(encoding="utf-8"), Findings())
-    outcome = execute(plan(robot, compile_program(program, robot).trajectory), example)
+    outcome = execute(plan(robot, compile_program(program, robot).motion), example)
     write_run_picture(DOCS / picture(robot.name, "example", kind), drawn, outcome)
     if robot.dynamics is not None:
         turned = motors_of_run(robot, outcome.comparison)

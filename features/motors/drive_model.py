@@ -62,7 +62,7 @@ def _held_speed(plan: Plan, percent: int) -> HighestSpeed:
     def progress(_: float) -> None:
         check_planning_time()
 
-    alone = replace(plan, trajectory=replace(plan.trajectory, waits=()))
+    alone = replace(plan, motion=replace(plan.motion, waits=()))
     ran = execute(alone, "", fastest_kernel(), progress=progress)
     if ran.fault is not None:
         return HighestSpeed(PLANNED_PERCENT, f"its motors: a run beforehand fails: {ran.fault}")

@@ -107,12 +107,12 @@ def _part(
     return shelf_part(robot, joints, axes_per_board, options, waits_for)
 
 
-def _expected(robot: "Robot", trajectory: "Motion", options: "ShelfOptions | None") -> "PlannedStock | None":
+def _expected(robot: "Robot", motion: "Motion", options: "ShelfOptions | None") -> "PlannedStock | None":
     if shelf_of(robot) is None:
         return None
     from steptwin.features.shelf.errand import expected
 
-    return expected(robot, trajectory, options)
+    return expected(robot, motion, options)
 
 
 def _judge() -> FeatureJudge:

@@ -62,7 +62,7 @@ class LiveOutcome:
         return {
             "robot": self.plan.robot.name,
             "job": self.job,
-            "duration_s": self.plan.trajectory.duration_s,
+            "duration_s": self.plan.motion.duration_s,
             "passed": self.passed,
             "repetitions": self.repetitions,
             "axes": [asdict(axis) for axis in self.axes],

@@ -1,4 +1,4 @@
-"""Checks of a trajectory and of its points; all must pass before anything is sent.
+"""Checks of a motion and of its points; all must pass before anything is sent.
 
 Each raises an InputError that names joint, time, value and limit.
 """
@@ -55,10 +55,10 @@ class TooFastError(InputError):
         return max((peak.stretch for peak in self.peaks), default=1.0)
 
 
-def check_joint_names(robot: Robot, trajectory: Motion) -> None:
-    """Check that the trajectory moves the robot's joints, in their order."""
-    if trajectory.joint_names != robot.joint_names:
-        given, right = " ".join(trajectory.joint_names), " ".join(robot.joint_names)
+def check_joint_names(robot: Robot, motion: Motion) -> None:
+    """Check that the motion moves the robot's joints, in their order."""
+    if motion.joint_names != robot.joint_names:
+        given, right = " ".join(motion.joint_names), " ".join(robot.joint_names)
         raise InputError(f"the trajectory moves the joints {given}, but {robot.name} has {right}, in this order")
 
 
@@ -124,15 +124,15 @@ class SampleCheck:
                     )
 
 
-def knots_ms(trajectory: Motion) -> FloatArray:
+def knots_ms(motion: Motion) -> FloatArray:
     """Return the times in ms of a motion's breakpoints; there, and at rest, points are exact."""
-    return np.round(1000 * np.array(trajectory.breakpoints_s))
+    return np.round(1000 * np.array(motion.breakpoints_s))
 
 
-def check_positions(robot: Robot, trajectory: Motion) -> None:
+def check_positions(robot: Robot, motion: Motion) -> None:
     """Check that all values of a motion are finite and all positions within the joints' limits."""
-    check = SampleCheck(robot, knots_ms(trajectory))
-    for _ in check.watched(sampled(trajectory)):
+    check = SampleCheck(robot, knots_ms(motion))
+    for _ in check.watched(sampled(motion)):
         pass
     check.check_positions()
 

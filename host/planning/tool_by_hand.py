@@ -142,7 +142,7 @@ def _gentle_plan(robot: Robot, standing: list[float], step: ToolStep) -> Plan:
     if stretch > 1.0:  # a ramp of the square of it needs no more acceleration at the same speed
         with suppress(InputError):
             gentle, _ = _plan(robot, standing, step, _RAMP_S * stretch**2)
-            plan = min(plan, gentle, key=lambda each: each.trajectory.duration_s)
+            plan = min(plan, gentle, key=lambda each: each.motion.duration_s)
     return plan
 
 
@@ -174,7 +174,7 @@ def _plan(robot: Robot, standing: list[float], step: ToolStep, ramp_s: float) ->
     """Return the plan of a step with a ramp, and the factor by which the joints' limits make it slower."""
     motion = _motion(robot, within_limits(robot, standing), step, ramp_s)
     plan = plan_stretched(robot, motion)
-    return plan, plan.trajectory.duration_s / motion.duration_s
+    return plan, plan.motion.duration_s / motion.duration_s
 
 
 def step_path(robot: Robot, start: FloatArray, step: ToolStep) -> ToolPath:

@@ -54,8 +54,8 @@ def _until(come: Callable[[], bool], wait: Callable[[float], None]) -> None:
 
 
 def judged(board: EmbeddedBoard, made: Plan, evidence: Evidence | None = None) -> Report:
-    facts = RunInfo(made.robot.name, "job", made.trajectory.duration_s, board.bus_report(), board.now_s(), 1.0)
-    return verify(Expectation.of(made.robot, made.trajectory), evidence or board.evidence(), facts)
+    facts = RunInfo(made.robot.name, "job", made.motion.duration_s, board.bus_report(), board.now_s(), 1.0)
+    return verify(Expectation.of(made.robot, made.motion), evidence or board.evidence(), facts)
 
 
 @cache
@@ -99,7 +99,7 @@ def test_the_verdict_is_by_the_motions_own_time(fast_kernel: Kernel, duration_s:
     blind = replace(blind, axes=tuple(replace(axis, rates=AS_PLANNED) for axis in blind.axes))
     assert not judged(board, pull, blind).passed, "by the clock it is another motion"
     if len(changes) == 1:
-        rest_s = pull.trajectory.duration_s - changes[0][0]
+        rest_s = pull.motion.duration_s - changes[0][0]
         assert took_s == pytest.approx(changes[0][0] + rest_s * 100 / changes[0][1], abs=0.5)
 
 

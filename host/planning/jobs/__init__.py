@@ -82,7 +82,7 @@ def job_fields(robot: Robot, job_name: str) -> tuple[OptionField, ...]:
 def make_job(
     robot: Robot, job_name: str, options: Mapping[str, str] | None = None, *, drives: DriveLimits | None = None
 ) -> Motion:
-    """Return a job's trajectory; options are texts, as on the command line, and may be left out.
+    """Return a job's motion; options are texts, as on the command line, and may be left out.
 
     With `drives`, such as `motor_limits` returns, a job with law=fastest uses the motors' limits.
 

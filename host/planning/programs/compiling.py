@@ -97,12 +97,12 @@ class CompiledProgram:
     """A program's motion and its steps.
 
     Attributes:
-        trajectory: the motion.
+        motion: the motion.
         steps: the steps.
         is_whole: False if anything but the speed of steps is wrong; the rest is then incomplete.
     """
 
-    trajectory: Motion
+    motion: Motion
     steps: tuple[StepRow, ...]
     is_whole: bool
 

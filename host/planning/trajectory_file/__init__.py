@@ -82,7 +82,7 @@ def read_trajectory(
     """
     return read_file_motion(
         path, robot, interpolate=interpolate, ramps_s=ramps_s, elbow=elbow, units=units, law=law, drives=drives
-    ).trajectory
+    ).whole
 
 
 def read_file_motion(
@@ -128,7 +128,7 @@ def trajectory_of_csv(text: str, robot: Robot, until_s: float = inf) -> Motion:
 
 
 def _motion(points: Points, robot: Robot, until_s: float) -> Motion:
-    return FileMotion.of(robot, points.until(until_s).joint_points(robot), None, 0.0).trajectory
+    return FileMotion.of(robot, points.until(until_s).joint_points(robot), None, 0.0).whole
 
 
 def _points(path: Path | str) -> Points:

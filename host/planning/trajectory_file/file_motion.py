@@ -142,7 +142,7 @@ class FileMotion:
         interpolation: motion between the points; None for points with velocities, joined by cubics.
         ramps_s: duration of run-in and run-out; 0 for none.
         through: motion through the points, in the file's own time.
-        trajectory: whole motion, with run-in and run-out, or along the same path in its own time.
+        whole: whole motion, with run-in and run-out, or along the same path in its own time.
         is_fastest: True if it is as fast as the robot's limits allow.
     """
 
@@ -151,7 +151,7 @@ class FileMotion:
     interpolation: PointCurve | None
     ramps_s: float
     through: Motion
-    trajectory: Motion
+    whole: Motion
     is_fastest: bool = False
 
     @classmethod
@@ -180,8 +180,8 @@ class FileMotion:
             return cls(
                 robot, points, interpolation, ramps_s, through, motion_timer().again(robot, through, drives), is_fastest
             )
-        trajectory = with_ramps(through, ramps_s) if ramps_s else through
-        return cls(robot, points, interpolation, ramps_s, through, trajectory)
+        whole = with_ramps(through, ramps_s) if ramps_s else through
+        return cls(robot, points, interpolation, ramps_s, through, whole)
 
     @property
     def polygon(self) -> Polygon:
@@ -248,7 +248,7 @@ class FileMotion:
         t_s = peak.t_s / stretch
         times_s, ramps_s = self.points.times_s, self.ramps_s
         before_s = ramps_s or float(times_s[1])
-        after_s = self.trajectory.duration_s - (ramps_s or float(times_s[-1] - times_s[-2]))
+        after_s = self.whole.duration_s - (ramps_s or float(times_s[-1] - times_s[-2]))
         return self._passing_ramps(stretch) if not before_s <= t_s < after_s else ""
 
     def _passing_ramps(self, stretch: float) -> str:
@@ -302,7 +302,7 @@ def doubt(motion: FileMotion, planned: Plan, read_in: Callable[[str], FileMotion
         planned: its plan, which may be stretched; a motion made as fast as possible tells by its travel alone.
         read_in: reads the file again in other units, or raises InputError.
     """
-    stretched = planned.trajectory.duration_s / motion.trajectory.duration_s
+    stretched = planned.motion.duration_s / motion.whole.duration_s
     peaks = {} if motion.is_fastest else _peaks_percent(planned, stretched)
     largest = max([_travel_percent(planned), *peaks.values()])
     if not 0.0 < largest < SMALL_PERCENT:
@@ -346,7 +346,7 @@ def _fits(motion: FileMotion, read_in: Callable[[str], FileMotion], units: str) 
         other = read_in(units)
         if np.array_equal(other.points.positions, motion.points.positions):
             return False
-        plan(motion.robot, other.trajectory)
+        plan(motion.robot, other.whole)
     except InputError:
         return False
     return True

@@ -40,7 +40,7 @@ def write_motion(path: Path, plan: Plan) -> None:
     Times, positions and velocities are written with all their digits, so that reading gives the same values.
     """
     t_s = _stored_ms(plan) / 1000
-    positions, velocities = plan.trajectory.positions(t_s), plan.trajectory.velocities(t_s)
+    positions, velocities = plan.motion.positions(t_s), plan.motion.velocities(t_s)
     rows = zip(t_s.tolist(), positions.tolist(), velocities.tolist(), strict=True)
     derived = _derived_texts(plan.robot, t_s, positions, velocities)
     with whole_file(path) as file:
@@ -107,7 +107,7 @@ def _stored_ms(plan: Plan) -> Int64Array:
     """Return the times of the points to store, in milliseconds."""
     every_ms = np.arange(plan.times_ms[-1] + 1)
     t_s, point_s = every_ms / 1000, plan.times_ms / 1000
-    motion = plan.trajectory
+    motion = plan.motion
     cubics = _cubics(point_s, motion.positions(point_s), motion.velocities(point_s))
     nearest = np.searchsorted(plan.times_ms[1:-1], every_ms, side="right")
     third, second, first, start = cubics[:, nearest]

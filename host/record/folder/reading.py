@@ -93,7 +93,7 @@ class StoredRun:
     @property
     def duration_s(self) -> float:
         """Duration of the planned motion, up to the end of the comparison."""
-        return self.comparison.expected.trajectory.duration_s
+        return self.comparison.expected.motion.duration_s
 
     @property
     def interruption(self) -> str | None:

@@ -74,7 +74,7 @@ def execute(
         kernel,
         options,
         commissioned=False,  # `set_up` writes every setting
-        waits_for={wait.input for wait in plan.trajectory.waits},
+        waits_for={wait.input for wait in plan.motion.waits},
     )
     on_board(board)
     board.change_inputs(inputs)
@@ -85,7 +85,7 @@ def execute(
     run = RunInfo(
         robot=robot.name,
         job=job,
-        duration_s=made.trajectory.duration_s,
+        duration_s=made.motion.duration_s,
         bus=board.bus_report(),
         simulated_s=board.now_s(),
         wall_s=time.perf_counter() - started_s,
@@ -93,9 +93,9 @@ def execute(
     expected = {
         feature.name: left
         for feature, leaves in giving("expected")
-        if (left := leaves(robot, made.trajectory, feature.options_in(options.extras))) is not None
+        if (left := leaves(robot, made.motion, feature.options_in(options.extras))) is not None
     }
-    comparison = compare(Expectation.of(robot, made.trajectory, expected), board.evidence())
+    comparison = compare(Expectation.of(robot, made.motion, expected), board.evidence())
     settled = board.settled(comparison.evidence)
     report = verify_comparison(comparison, run)
     outcome = Outcome(

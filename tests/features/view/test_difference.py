@@ -51,7 +51,7 @@ def test_a_run_is_like_itself() -> None:
 
 
 def test_the_shorter_motion_stands_still_after_its_end() -> None:
-    motion = RUN.comparison.expected.trajectory
+    motion = RUN.comparison.expected.motion
     expected = Expectation.of(RUN.robot, stretched(motion, 2.0 / motion.duration_s))
     slow = replace(RUN, comparison=compare(expected, perfect_evidence(expected)))
     difference = RunPair(Replay(RUN, ()), Replay(slow, ()))

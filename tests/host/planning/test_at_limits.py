@@ -37,10 +37,10 @@ def program_at_limit(robot: Robot, seed: int) -> str:
 def test_roundings_that_touch_a_limit_are_planned_and_keep_it_to_a_fiftieth_of_a_step(seed: int) -> None:
     robot = TEACHING if seed % 2 else load_robot("hybrid-arm")
     found = Findings()
-    trajectory = compile_program(parse_program(program_at_limit(robot, seed), found), robot).trajectory
+    motion = compile_program(parse_program(program_at_limit(robot, seed), found), robot).motion
     assert not found.messages
-    plan(robot, trajectory)
-    joints = trajectory.positions(np.arange(0.0, trajectory.duration_s, 5e-4))
+    plan(robot, motion)
+    joints = motion.positions(np.arange(0.0, motion.duration_s, 5e-4))
     lower, upper = np.array([(joint.lower, joint.upper) for joint in robot.joints]).T
     beyond = np.maximum(joints - upper, lower - joints).max(axis=0)
     assert (beyond * np.abs(robot.steps_per_unit)).max() < 0.02  # neither robot's joints are coupled

@@ -43,7 +43,7 @@ def test_the_motor_turns_faster_than_either_joint() -> None:
     with pytest.raises(InputError, match=complaint):
         plan(robot, arm_move(robot, *both, law))
     stretched = plan_stretched(robot, arm_move(robot, *both, law), 1.333)
-    assert stretched.trajectory.duration_s == pytest.approx(0.867, abs=1e-3)
+    assert stretched.motion.duration_s == pytest.approx(0.867, abs=1e-3)
     weak = coupled_robot(axis_speed_max="240.1", axis_acceleration_max="1599.0")
     with refusing(InputError):
         plan(weak, arm_move(weak, *both, law))

@@ -92,8 +92,8 @@ def test_a_spiral_beyond_the_arm(x_mm: float, y_mm: float, pattern: str) -> None
 
 def test_a_spiral_as_near_as_it_may_be() -> None:
     """Around (0, 425) it comes within 338.49 mm of the base, in agreement with r = 800 mm cos(th3 / 2)."""
-    trajectory = plan(LAB, make_job(LAB, "spiral", {"x_mm": "0", "y_mm": "425"})).trajectory
-    th3 = trajectory.positions(np.arange(18_801) / 1000)[:, 2]
+    motion = plan(LAB, make_job(LAB, "spiral", {"x_mm": "0", "y_mm": "425"})).motion
+    th3 = motion.positions(np.arange(18_801) / 1000)[:, 2]
     u = np.linspace(0.0, 18.8, 18_801)
     nearest_mm = np.hypot(5.0 * u * np.cos(u), 425.0 + 5.0 * u * np.sin(u)).min()
     assert nearest_mm == pytest.approx(338.49, abs=0.01)

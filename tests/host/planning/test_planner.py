@@ -72,8 +72,8 @@ def swing(amplitude: float, period_s: float = 1.0, **changes: float) -> Motion:
     return dataclasses.replace(motion, **changes)  # type: ignore[arg-type]
 
 
-def complaint(trajectory: Motion, robot: Robot = ROBOT, point_ms: int = 10) -> str:
-    return complaint_of(lambda: plan(robot, trajectory, point_ms))
+def complaint(motion: Motion, robot: Robot = ROBOT, point_ms: int = 10) -> str:
+    return complaint_of(lambda: plan(robot, motion, point_ms))
 
 
 def with_joint(name: str, **changes: object) -> Robot:
@@ -99,11 +99,11 @@ class TestPoints:
         assert drawer.times_ms.tolist() == list(range(0, 10_001, 10))
         assert drawer.records()[0].durations_ms == [10] * 1000
         t_s = drawer.times_ms / 1000
-        units = drawer.trajectory.positions(t_s) * [81920, 327680, 655360, *[200 * 16384 / 72] * 2, 200 * 16384 / 120]
+        units = drawer.motion.positions(t_s) * [81920, 327680, 655360, *[200 * 16384 / 72] * 2, 200 * 16384 / 120]
         assert np.abs(drawer.points_units - units).max() <= 0.5 + 1e-6
         assert drawer.start_units == [0, 0, 65_536_000, 0, 2_730_667, 819_200]
         assert drawer.start_joints == pytest.approx([0, 0, 100, 0, 60, 30])
-        per_ms = drawer.trajectory.velocities(t_s) * ROBOT.wire_units_per_unit * 64 / 1000
+        per_ms = drawer.motion.velocities(t_s) * ROBOT.wire_units_per_unit * 64 / 1000
         assert np.abs(drawer.velocities - per_ms).max() <= 0.5 + 1e-6
         assert not drawer.velocities[[0, -1]].any()
 
@@ -266,22 +266,22 @@ class TestWire:
 
     @pytest.mark.parametrize(("speed_mm_s", "fits"), [(799.9, True), (800.1, False)])
     def test_velocity(self, speed_mm_s: float, fits: bool) -> None:
-        trajectory = moved_by(Trapezoid(speed_mm_s * 0.8, 1.0, 0.2), axis=0)
+        motion = moved_by(Trapezoid(speed_mm_s * 0.8, 1.0, 0.2), axis=0)
         if fits:
-            assert plan(self.robot(), trajectory).velocities.max() < 1 << 23
+            assert plan(self.robot(), motion).velocities.max() < 1 << 23
         else:
-            told = complaint(trajectory, self.robot())
+            told = complaint(motion, self.robot())
             assert told.startswith("sx: a velocity of 8389657 1/64 unit per ms at t = 0.200 s does not fit")
             assert "-8388608..8388607; " in told
 
     @pytest.mark.parametrize(("speed_mm_s", "fits"), [(200.0, True), (201.0, False)])
     def test_displacement(self, speed_mm_s: float, fits: bool) -> None:
         """The limit is 51.2 mm per segment: 200 mm/s for 255 ms are 51 mm, 201 mm/s are 51.255 mm."""
-        trajectory = moved_by(Trapezoid(speed_mm_s * 1.755, 2.04, 0.285), axis=0)
+        motion = moved_by(Trapezoid(speed_mm_s * 1.755, 2.04, 0.285), axis=0)
         if fits:
-            assert max(plan(self.robot(), trajectory, 255).records()[0].displacements_units) < 1 << 23
+            assert max(plan(self.robot(), motion, 255).records()[0].displacements_units) < 1 << 23
         else:
-            told = complaint(trajectory, self.robot(), point_ms=255)
+            told = complaint(motion, self.robot(), point_ms=255)
             assert told.startswith("sx: a displacement of 8397619 units at t = 0.510 s does not fit")
 
     @pytest.mark.slow
@@ -400,8 +400,8 @@ class TestStart:
 
 def test_planning_the_drawer_pull_takes_little_work() -> None:
     """One position and one velocity for each of 20 001 milliseconds, and no loop over milliseconds or points."""
-    trajectory, law = counting(make_job(ROBOT, "pull-line", {"duration_s": "20"}))
-    points = len(plan(ROBOT, trajectory).times_ms)
+    motion, law = counting(make_job(ROBOT, "pull-line", {"duration_s": "20"}))
+    points = len(plan(ROBOT, motion).times_ms)
     assert points == 2001
     assert law.instants == 2 * 20_001
-    assert function_calls(lambda: plan(ROBOT, trajectory)) < points
+    assert function_calls(lambda: plan(ROBOT, motion)) < points

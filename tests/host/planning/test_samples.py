@@ -22,7 +22,7 @@ TEACHING = load_robot("teaching-scara")
 
 
 def program_of(robot: Robot, text: str) -> Motion:
-    return compile_program(parse_program(text, Findings()), robot).trajectory
+    return compile_program(parse_program(text, Findings()), robot).motion
 
 
 def test_windows_share_a_millisecond(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -41,7 +41,7 @@ def test_windows_change_no_plan(monkeypatch: pytest.MonkeyPatch, name: str, wind
     whole = plan(robot, program_of(robot, text))
     monkeypatch.setattr(samples, "WINDOW_MS", window_ms)
     pieced = plan(robot, program_of(robot, text))
-    assert len(list(sampled(pieced.trajectory))) == -(-round(1000 * whole.trajectory.duration_s) // window_ms)
+    assert len(list(sampled(pieced.motion))) == -(-round(1000 * whole.motion.duration_s) // window_ms)
     assert np.array_equal(pieced.times_ms, whole.times_ms)
     assert np.array_equal(pieced.points_units, whole.points_units)
     assert np.array_equal(pieced.velocities, whole.velocities)

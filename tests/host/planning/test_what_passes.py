@@ -48,8 +48,8 @@ class TestPositions:
         beyond = (joint.upper if side > 0 else joint.lower) + side * 0.123
         told = complaint_of(lambda: plan(ROBOT, to(beyond)))
         excess, near = re.findall(r"by up to (\S+) .*; the nearest is (\S+) ", told)[0]
-        assert plan(ROBOT, to(float(near))).trajectory.duration_s == 20.0
-        assert plan(ROBOT, to(beyond - side * float(excess))).trajectory.duration_s == 20.0
+        assert plan(ROBOT, to(float(near))).motion.duration_s == 20.0
+        assert plan(ROBOT, to(beyond - side * float(excess))).motion.duration_s == 20.0
         complaint_of(lambda: plan(ROBOT, to(beyond - side * float(excess) * 0.99)))
 
 
@@ -61,9 +61,9 @@ def lift(distance_mm: float, duration_s: float) -> Motion:
 class TestDrives:
     """With motors that can do anything, the step rate alone is too high, and another drive would do."""
 
-    def settings(self, robot: Robot, trajectory: Motion) -> dict[str, dict[str, float]]:
+    def settings(self, robot: Robot, motion: Motion) -> dict[str, dict[str, float]]:
         """Return the keys and values for each joint that the refusal names."""
-        told = complaint_of(lambda: plan(robot, trajectory))
+        told = complaint_of(lambda: plan(robot, motion))
         assert " kHz of steps at t = " in told
         joints = told.split(", and so does ", 1)[1].split(" and ")
         return {
@@ -192,17 +192,17 @@ class TestStepsOfPrograms:
         program = "\n[[step]]\n".join(steps)
         told = self.fast_steps(program)
         assert [message.split(" (")[0] for message in told] == ["step 1", "step 2"]
-        motion = self.compiled(program)
-        with pytest.raises(InputError) as caught, motion.explained():
-            plan(ROBOT, motion.trajectory)
+        compiled = self.compiled(program)
+        with pytest.raises(InputError) as caught, compiled.explained():
+            plan(ROBOT, compiled.motion)
         assert str(caught.value).startswith(f"{told[0]}; 1 more step is too fast; or the whole program: ")
         stretch = float(str(caught.value).rsplit("stretch=", 1)[1].removesuffix(")"))
-        plan_stretched(ROBOT, motion.trajectory, stretch)
-        with refusing(InputError), motion.explained(stretch - 0.01):
-            plan_stretched(ROBOT, motion.trajectory, stretch - 0.01)
+        plan_stretched(ROBOT, compiled.motion, stretch)
+        with refusing(InputError), compiled.explained(stretch - 0.01):
+            plan_stretched(ROBOT, compiled.motion, stretch - 0.01)
         firsts = [next(iter(self.values(message).items())) for message in told]
         slower = [self.with_value(step, *first) for step, first in zip(steps, firsts, strict=False)]
-        plan(ROBOT, self.compiled("\n[[step]]\n".join([*slower, steps[2]])).trajectory)
+        plan(ROBOT, self.compiled("\n[[step]]\n".join([*slower, steps[2]])).motion)
 
     def test_a_step_that_no_value_makes_slow_enough(self) -> None:
         slow = replace(ROBOT, board=replace(ROBOT.board, step_rate_max_hz=1.0))

@@ -99,23 +99,23 @@ def planar_forward(joints: FloatArray) -> FloatArray:
     return np.column_stack([columns[:, 0], columns[:, 1], np.zeros(len(joints)), columns[:, 2]])
 
 
-def expect(trajectory: Motion, *steps_per_unit: float) -> Expectation:
+def expect(motion: Motion, *steps_per_unit: float) -> Expectation:
     """Return the expectation for a motion of the stage."""
     units = ("mm", "mm", "deg", *("deg",) * 5)[: len(steps_per_unit)]
-    return Expectation(trajectory, np.array(steps_per_unit), units, planar_forward)
+    return Expectation(motion, np.array(steps_per_unit), units, planar_forward)
 
 
 def nearest_steps(expected: Expectation) -> tuple[int, ...]:
     """Return the counters of a board that stands at the start of the motion."""
-    start = expected.trajectory.positions(np.zeros(1))[0] * expected.steps_per_unit
+    start = expected.motion.positions(np.zeros(1))[0] * expected.steps_per_unit
     return tuple(int(n) for n in np.floor(start + 0.5))
 
 
 def perfect_evidence(expected: Expectation) -> Evidence:
     """Return the evidence of a board that makes every ideal step in the nearest count of its timer."""
     starts = nearest_steps(expected)
-    ideal = ideal_steps(expected.trajectory, expected.steps_per_unit, starts)
-    names = expected.trajectory.joint_names
+    ideal = ideal_steps(expected.motion, expected.steps_per_unit, starts)
+    names = expected.motion.joint_names
     return Evidence(START_COUNTS, tuple(map(_perfect_axis, names, ideal)))
 
 

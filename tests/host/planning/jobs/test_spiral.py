@@ -103,10 +103,10 @@ def test_between_the_points_it_stays_on_the_spiral() -> None:
 
 
 def test_it_ends_with_the_last_point_at_rest() -> None:
-    trajectory = spiral()
-    assert trajectory.duration_s == 18.8
-    assert trajectory.velocities(np.array([0.0, 18.8])) == pytest.approx(np.zeros((2, 4)), abs=1e-9)
-    assert plan(ROBOT, trajectory).times_ms[-1] == 18_800
+    motion = spiral()
+    assert motion.duration_s == 18.8
+    assert motion.velocities(np.array([0.0, 18.8])) == pytest.approx(np.zeros((2, 4)), abs=1e-9)
+    assert plan(ROBOT, motion).times_ms[-1] == 18_800
 
 
 @pytest.mark.parametrize(

@@ -65,7 +65,7 @@ def test_the_executed_plan_has_the_records_of_the_plan_and_those_of_the_standsti
             own.displacements_units == [0] * 3 + old.displacements_units[:at] + [0] * 2 + old.displacements_units[at:]
         )
         assert own.end_velocities == [0] * 3 + old.end_velocities[:at] + [0] * 2 + old.end_velocities[at:]
-    at_points = executed.trajectory.positions(executed.times_ms / 1000)
+    at_points = executed.motion.positions(executed.times_ms / 1000)
     assert np.array_equal(ROBOT.to_units(at_points), executed.points_units)
     with refusing(ValueError):
         planned.held([Hold(0, 25)], 10)

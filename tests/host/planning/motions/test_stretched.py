@@ -75,12 +75,12 @@ def test_a_refusal_says_the_stretch_that_passes_and_no_smaller_one_does(law: Law
     plan_stretched(ROBOT, move(law), factor)
     with refusing(InputError):
         plan_stretched(ROBOT, move(law), factor - 0.006)  # a duration that is 1 ms shorter
-    assert plan_stretched(ROBOT, move(law)).trajectory.duration_s == stretched(move(law), factor).duration_s
+    assert plan_stretched(ROBOT, move(law)).motion.duration_s == stretched(move(law), factor).duration_s
 
 
 def test_a_motion_that_passes_is_not_stretched_without_need() -> None:
     motion = make_job(ROBOT, "carry")
-    assert plan_stretched(ROBOT, motion).trajectory is motion
+    assert plan_stretched(ROBOT, motion).motion is motion
 
 
 @given(st.integers(1001, 50_000), st.floats(1.0, 60.0))

@@ -77,11 +77,11 @@ class TestTheMotion:
         robot = load_robot(name)
         made = plan(robot, make_job(robot, job, {}))
         write_motion(tmp_path / "trajectory.csv", made)
-        again = read_motion(tmp_path, robot, made.trajectory.output_changes)
-        assert again.duration_s == made.trajectory.duration_s
-        assert again.output_changes == made.trajectory.output_changes
+        again = read_motion(tmp_path, robot, made.motion.output_changes)
+        assert again.duration_s == made.motion.duration_s
+        assert again.output_changes == made.motion.output_changes
         t_s = np.linspace(0.0, again.duration_s, 20_001)
-        off = np.abs(again.positions(t_s) - made.trajectory.positions(t_s)) * robot.steps_per_unit
+        off = np.abs(again.positions(t_s) - made.motion.positions(t_s)) * robot.steps_per_unit
         assert off.max() <= 1e-4
         assert len((tmp_path / "trajectory.csv").read_text().splitlines()) == 1 + len(made.times_ms)
 
@@ -96,7 +96,7 @@ class TestTheMotion:
         assert len((tmp_path / "trajectory.csv").read_text().splitlines()) == 1 + 401
         t_s = np.linspace(0.0, 0.4, 4001)
         again = read_motion(tmp_path, robot, ())
-        off = np.abs(again.positions(t_s) - made.trajectory.positions(t_s)) * robot.steps_per_unit
+        off = np.abs(again.positions(t_s) - made.motion.positions(t_s)) * robot.steps_per_unit
         assert off.max() <= 1e-4
 
     @pytest.mark.parametrize(("bump_deg", "rows"), [(7.0e-6, 1 + 41), (7.1e-6, 1 + 401)])

@@ -60,7 +60,7 @@ def test_it_goes_on_after_the_inputs(outcome: Outcome) -> None:
         late_ms = 1000 * (wait.at_s + wait.stood_s - change.at_s)
         assert LEAD_MS - HOLD_MS <= late_ms <= LEAD_MS + 3 * HOLD_MS
     stood_s = first.stood_s + second.stood_s
-    assert outcome.report.run.duration_s == pytest.approx(PLAN.trajectory.duration_s + stood_s)
+    assert outcome.report.run.duration_s == pytest.approx(PLAN.motion.duration_s + stood_s)
     assert outcome.to_dict()["waits"][0] == {
         "input": "part_ready", "on": True, "at_s": first.at_s, "stood_s": first.stood_s,
     }  # fmt: skip
@@ -81,7 +81,7 @@ def test_the_folder_holds_what_was_executed(outcome: Outcome, tmp_path: Path) ->
 
 
 def test_against_the_plan_without_the_standstills_it_fails(outcome: Outcome) -> None:
-    expected = Expectation.of(ROBOT, PLAN.trajectory)
+    expected = Expectation.of(ROBOT, PLAN.motion)
     report = verify_comparison(compare(expected, outcome.comparison.evidence), outcome.report.run)
     assert not report.passed
 
