@@ -63,7 +63,7 @@ def close_up(motion: PlannedMotion, kernel: Kernel) -> Figure:
     made = methods(kernel)
     figure = Figure(figsize=(WIDTH_INCHES, 4.4), layout="constrained")
     figure.suptitle(
-        f"{motion.name}: CLK of {motion.trajectory.joint_names[_CLOSE_UP_AXIS]} from t = {begin_s:g} s (SIMULATED)",
+        f"{motion.name}: CLK of {motion.exact.joint_names[_CLOSE_UP_AXIS]} from t = {begin_s:g} s (SIMULATED)",
         x=0.01, ha="left", weight="bold",
     )  # fmt: skip
     panel = figure.subplots()

@@ -14,7 +14,7 @@ from docs.generate.markdown import table
 from docs.generate.paper_pages import PAPERS
 from steptwin.features.faults.judge import longest_ramp_ms
 from steptwin.features.faults.kinds import DOCUMENTED
-from steptwin.features.faults.reaction import Motion, Reaction
+from steptwin.features.faults.reaction import MotionEffect, Reaction
 from steptwin.features.faults.requests import INJECTED, REQUESTS, description, keys_of, sentence, usage
 from steptwin.host.common.choices import STATE
 from steptwin.host.common.features import giving
@@ -49,7 +49,7 @@ def _reactions() -> str:
 
 
 def _begins(reaction: Reaction) -> str:
-    if not reaction.stops or reaction.motion is Motion.NOT_BEGUN:
+    if not reaction.stops or reaction.motion is MotionEffect.NOT_BEGUN:
         return "-"
     return "whenever it comes to that" if isinf(reaction.begins_ms) else f"{reaction.begins_ms:g} ms"
 

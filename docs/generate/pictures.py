@@ -22,9 +22,9 @@ from steptwin.features.shelf.section import Shelf
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs import compile_program, parse_program
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.record.plots import DEFAULT_VIEW, PlotView
 from steptwin.host.robots import MACHINES, load_robot, parse_robot
 from steptwin.host.robots.kinematics import make_kinematics
@@ -65,7 +65,7 @@ def write_machine_picture(robot: Robot) -> None:
     kind, drawn = _MACHINE_PICTURES[robot.kinematics]
     example = f"docs/programs/{robot.name}.toml"
     program = parse_program((DOCS.parent / example).read_text(encoding="utf-8"), Findings())
-    outcome = execute(plan(robot, compile_program(program, robot).trajectory), example)
+    outcome = execute(plan(robot, compile_program(program, robot).motion), example)
     write_run_picture(DOCS / picture(robot.name, "example", kind), drawn, outcome)
     if robot.dynamics is not None:
         turned = motors_of_run(robot, outcome.comparison)
@@ -159,7 +159,7 @@ def _draw_boxes(axes: Axes, robot: Robot, shelf: Shelf, across: int, up: int) ->
         axes.annotate(name, (spot.lid_mm[across], spot.lid_mm[up] - 70.0), ha="center", va="top", fontsize=8)
 
 
-def _draw_motion(axes: Axes, robot: Robot, motion: Trajectory, across: int, up: int) -> None:
+def _draw_motion(axes: Axes, robot: Robot, motion: Motion, across: int, up: int) -> None:
     kinematics = make_kinematics(robot)
     poses = kinematics.forward(motion.positions(np.linspace(0.0, motion.duration_s, 4000)))
     axes.plot(poses[:, across], poses[:, up], color=_PATH, linewidth=1.2, label="tip of the tool")
@@ -187,5 +187,5 @@ def _arm_mm(robot: Robot, joints: FloatArray) -> list[FloatArray]:
     ]
 
 
-def _switched_s(motion: Trajectory, number: int) -> float:
+def _switched_s(motion: Motion, number: int) -> float:
     return motion.output_changes[number].from_s

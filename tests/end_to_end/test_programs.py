@@ -152,7 +152,7 @@ class TestLive:
         """Return a board whose robot stands where its example starts, and the example."""
         robot = load_robot(name)
         program = parse_program(EXAMPLES[name].read_text(), Findings())
-        example = plan(robot, compile_program(program, robot).trajectory)
+        example = plan(robot, compile_program(program, robot).motion)
         board = EmbeddedBoard(robot, kernel, MachineOptions(stand_at=example.start_joints))
         session = Session(board, robot)
         with session.charge("preset", needs=()) as charge:
@@ -181,7 +181,7 @@ def test_the_page_s_steps_can_be_made(block: str) -> None:
     program = parse_program(HEAD + block, findings)
     assert findings.messages == []
     robot = load_robot("teaching-scara")
-    plan(robot, compile_program(program, robot).trajectory)
+    plan(robot, compile_program(program, robot).motion)
 
 
 @pytest.mark.slow

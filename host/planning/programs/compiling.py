@@ -16,7 +16,7 @@ from steptwin.host.common.findings import Findings, check_all
 from steptwin.host.common.planning_time import check_planning_time, in_planning_time, planning_step
 from steptwin.host.planning import checks
 from steptwin.host.planning.drives import DriveAnswer, MakeDrives
-from steptwin.host.planning.motions.composer import Sequence
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.motions.tool_move import ToolMove
 from steptwin.host.planning.motions.whole import CornerError
 from steptwin.host.planning.no_way import NO_WAY
@@ -37,7 +37,6 @@ from steptwin.host.planning.programs.program import (
 )
 from steptwin.host.planning.programs.program_file import Complaints
 from steptwin.host.planning.programs.steps import GoStep, JointsBy, Step, ToolBy
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
@@ -98,12 +97,12 @@ class CompiledProgram:
     """A program's motion and its steps.
 
     Attributes:
-        trajectory: the motion.
+        motion: the motion.
         steps: the steps.
         is_whole: False if anything but the speed of steps is wrong; the rest is then incomplete.
     """
 
-    trajectory: Sequence
+    motion: Motion
     steps: tuple[StepRow, ...]
     is_whole: bool
 
@@ -326,8 +325,8 @@ class _Walk:
                 notes = (*moves.notes, *map(switching_words, moves.switched))
                 moves.notes, moves.switched = (), ()
                 way: BranchesOnWay = ("", ())
-                if isinstance(part, ToolMove):
-                    way = part.branch, tuple((from_s + t_s, name) for t_s, name in part.changes)
+                if part is not None and isinstance(part.law, ToolMove):
+                    way = part.law.branch, tuple((from_s + t_s, name) for t_s, name in part.law.changes)
                 made = self._made(_Gathered(place, step, before), part, from_s)
                 self.rows.append(StepRow(made, from_s, moves.composer.now_s - from_s, *way, notes))
 
@@ -375,10 +374,10 @@ class _Walk:
         self._gathered.clear()
         self._moves.leg_times = []
 
-    def _made(self, gathered: _Gathered, part: Trajectory | None, from_s: float) -> MadeStep:
+    def _made(self, gathered: _Gathered, part: Motion | None, from_s: float) -> MadeStep:
         """Return a step as it was made; report joints beyond their limits on its part of the motion."""
         made = MadeStep(self._robot, gathered.place, gathered.step, gathered.before, round(1000 * from_s), part)
-        if part is not None and not (isinstance(part, ToolMove) and part.keeps_limits):
+        if part is not None and not (isinstance(part.law, ToolMove) and part.law.keeps_limits):
             self._check_positions(made, part)
         return made
 
@@ -388,7 +387,7 @@ class _Walk:
         if end is not None:
             self._stand_at(end)
 
-    def _check_positions(self, made: MadeStep, part: Trajectory) -> None:
+    def _check_positions(self, made: MadeStep, part: Motion) -> None:
         """Report each joint beyond its limits, except those that an earlier step has left outside."""
         start, step = made.before.composer.joints, made.step
         ends = part.positions(np.array([part.duration_s]))[0].tolist()

@@ -12,6 +12,7 @@ import numpy as np
 from steptwin.host.common.planning_time import check_planning_time, planning_step
 from steptwin.host.planning import checks
 from steptwin.host.planning.checks import TooFastError
+from steptwin.host.planning.motion import DEFAULT_POINT_MS, Motion
 from steptwin.host.planning.motions.stretched import least_passing
 from steptwin.host.planning.peaks import Peak, Quantity, TooLongError, sampled, shifted
 from steptwin.host.planning.planner import step_peaks
@@ -19,7 +20,6 @@ from steptwin.host.planning.programs.moves import Moves
 from steptwin.host.planning.programs.program import Place
 from steptwin.host.planning.programs.program_file import pass_words
 from steptwin.host.planning.programs.steps import Step
-from steptwin.host.planning.trajectory import DEFAULT_POINT_MS, Trajectory
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
@@ -158,7 +158,7 @@ class MadeStep:
     step: Step
     before: Moves
     from_ms: int
-    part: Trajectory | None
+    part: Motion | None
 
     @property
     def peaks(self) -> tuple[Peak, ...]:
