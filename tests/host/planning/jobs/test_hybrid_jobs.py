@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from steptwin.features.papers.hybrid_jobs import five_poses
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
-from steptwin.host.planning.jobs.hybrid_jobs import five_poses
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot

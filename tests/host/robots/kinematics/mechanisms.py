@@ -7,9 +7,10 @@ from typing import Final
 import numpy as np
 import pytest
 
+from steptwin.features.papers.hybrid_arm import HybridArm
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.robots import load_robot
-from steptwin.host.robots.kinematics import HybridArm, Kinematics, Scara, make_kinematics
+from steptwin.host.robots.kinematics import Kinematics, Scara, make_kinematics
 from steptwin.host.robots.robot import Robot
 
 

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from steptwin.features.papers.hybrid_arm import WorkingMode
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.kinematics import WorkingMode
 from steptwin.host.robots.kinematics.dh import Convention
 from tests.host.robots.kinematics.golden import DRAWER_RIGHT, STATIC, Golden, Numbers, rows
 from tests.host.robots.kinematics.mechanisms import CALIBRATION, HYBRID, LAB, TEACHING, WAREHOUSE, hybrid_arm

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from steptwin.host.robots.kinematics import AssemblyMode, make_kinematics
+from steptwin.features.papers.hybrid_arm import AssemblyMode
+from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.switches import JointSwitches
 from tests.host.robots.kinematics.golden import (
     BEYOND_TH1,

@@ -4,9 +4,10 @@ import dataclasses
 
 import pytest
 
+from steptwin.features.papers.hybrid_arm import SliderPair
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.joint import Unit
-from steptwin.host.robots.kinematics import SliderPair, make_kinematics
+from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 from tests.host.complaints import complaint_of
 from tests.host.robots.kinematics.mechanisms import (

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from steptwin.features.papers.hybrid_arm import AssemblyMode, HybridArm, WorkingMode
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.kinematics import AssemblyMode, Branch, HybridArm, WorkingMode
+from steptwin.host.robots.kinematics import Branch
 from tests.host.robots.kinematics.mechanisms import (
     ALL,
     HYBRID,
