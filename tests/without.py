@@ -1,7 +1,8 @@
 """Delete a feature, with its registration and its tests, in a copy of the checkout, and run the tests that are left.
 
 `python -m tests.without NAME [PYTEST'S ARGUMENTS]`; features that need it go with it. Pages tell of all features, so
-their tests are left out, and with a feature the tests in `USES` that use it beside its own.
+their tests are left out, and with a feature the tests that name it, its jobs or its robots (`tests.naming`), and those
+in `USES`, which use it without naming it. Robots in `STAND_INS` are replaced by robots of the core's kinds.
 """
 
 import os
@@ -10,11 +11,13 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from importlib.metadata import distribution
 from pathlib import Path
 from typing import Final
 
 from steptwin.host.common.features import GROUP, features
+from tests.naming import tests_naming
 
 ROOT: Final = Path(__file__).resolve().parents[1]
 PAGES: Final = (
@@ -24,7 +27,6 @@ PAGES: Final = (
     "tests/end_to_end/test_help.py",
     "tests/end_to_end/test_hostile_files.py::TestEscapes::test_of_words_of_the_command_line",
     "tests/end_to_end/test_written_commands.py",
-    "tests/features/papers",
 )
 """Tests of pages, of all commands and of all jobs."""
 USES: Final = {
@@ -68,8 +70,8 @@ USES: Final = {
         "tests/features/fastest/test_again.py",
         "tests/features/view/test_extent.py",
         "tests/host/planning/jobs/test_options.py",
-        "tests/host/planning/jobs/test_other_sizes.py",
-        "tests/host/planning/jobs/test_pull_line.py::TestOptions",
+        "tests/features/papers/test_other_sizes.py",
+        "tests/features/papers/test_pull_line.py::TestOptions",
         "tests/host/record/folder/test_digests.py",
         "tests/host/record/folder/test_folder.py",
         "tests/host/record/folder/test_verify_folder.py",
@@ -79,6 +81,37 @@ USES: Final = {
     ),
 }
 """Tests outside a feature's folder that use the feature: its jobs, its tables of a robot file, its options."""
+STAND_INS: Final = {
+    "lab-scara": """\
+l1_mm = 400.0
+l2_mm = 400.0
+lift = "first"
+lift_positive = "up"
+heading_deg = 90.0
+drop_mm = 150.0
+""",
+    "teaching-scara": """\
+l1_mm = 95.0
+l2_mm = 100.0
+lift_positive = "down"
+tool = "up"
+drop_mm = 40.0
+""",
+    "calibration-scara": """\
+l1_mm = 250.0
+l2_mm = 350.0
+lift_positive = "down"
+base_mm = 300.0
+""",
+}
+"""Robots of features that many tests use for their joints and poses: the keys of the same arm's kind `scara`."""
+STAND_IN_FEATURE: Final = """\
+from pathlib import Path
+
+from steptwin.host.common.features import Feature
+
+FEATURE = Feature(name="stand_ins", robots=Path(__file__).parent)
+"""
 
 
 def gone_with(name: str) -> list[str]:
@@ -105,9 +138,54 @@ def copy_without(name: str, folder: Path) -> Path:
     ):
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(registered.sub("", text), encoding="utf-8")
+    _stand_in(gone, copy)
     described = distribution("steptwin").read_text("METADATA")
     (folder / "meta" / "steptwin.dist-info" / "METADATA").write_text(described or "", encoding="utf-8")
     return copy
+
+
+def _stand_in(gone: Sequence[str], copy: Path) -> None:
+    """Add a feature with the robots that stand in for those of the features that are gone, if there are any."""
+    texts = {
+        path.name: re.sub(
+            r'^kind = "[^"]*"\n(\w+_(mm|deg) = .*\n)*', f'kind = "scara"\n{STAND_INS[path.stem]}', text, flags=re.M
+        )
+        for path in _robots(gone)
+        if path.stem in STAND_INS
+        for text in [path.read_text(encoding="utf-8")]
+    }
+    if texts:
+        folder = copy / "features" / "stand_ins"
+        folder.mkdir()
+        for name, text in {**texts, "__init__.py": STAND_IN_FEATURE}.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        points = copy.parent / "meta" / "steptwin.dist-info" / "entry_points.txt"
+        points.write_text(
+            points.read_text(encoding="utf-8").replace(
+                f"[{GROUP}]\n", f"[{GROUP}]\nstand_ins = steptwin.features.stand_ins:FEATURE\n"
+            ),
+            encoding="utf-8",
+        )
+
+
+def _robots(gone: Sequence[str]) -> list[Path]:
+    folders = [folder for name in gone if (folder := features()[name].robots) is not None]
+    return [path for folder in folders for path in sorted(folder.glob("*.toml"))]
+
+
+def words_of(gone: Sequence[str]) -> re.Pattern[str]:
+    """Return the pattern of what tests may not name without the features: modules, robots and their kinds, jobs."""
+    robots = [path.stem for path in _robots(gone)]
+    kinds = {kind for name in gone if (make := features()[name].kinematics) is not None for kind in make()} - {"chain"}
+    given = [make() for name in gone if (make := features()[name].jobs) is not None]
+    jobs = {job.name for each in given for of_kind in each.values() for job in of_kind}
+    words = [
+        rf"\b(?:steptwin|tests)\.features\.(?:{'|'.join(gone)})\.",
+        *(rf"\b{robot}\b" for robot in robots if robot not in STAND_INS),
+        *(rf"""kind\W+{kind}\b""" for kind in sorted(kinds)),
+        *(rf"(?:^|\s|`){job}(?:$|\s|`)" for job in sorted(jobs)),
+    ]
+    return re.compile("|".join(words))
 
 
 def _entry_points() -> str:
@@ -133,8 +211,10 @@ def run_in(copy: Path, *words: str) -> subprocess.CompletedProcess[str]:
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as made:
         without = copy_without(sys.argv[1], Path(made))
-        users = [test for each in gone_with(sys.argv[1]) for test in USES.get(each, ())]
+        gone = gone_with(sys.argv[1])
+        users = [test for each in gone for test in USES.get(each, ())]
         left_out = [f"--deselect={test}" if "::" in test else f"--ignore={test}" for test in (*PAGES, *users)]
+        left_out += tests_naming(words_of(gone), without)
         done = run_in(without, "-m", "pytest", "-q", "-p", "no:cacheprovider", *left_out, *sys.argv[2:])
         sys.stdout.write(done.stdout + done.stderr)
         sys.exit(done.returncode)

@@ -12,8 +12,8 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.workspace import monte_carlo
+from tests.features.papers.loop_closure import LoopClosure
 from tests.features.papers.numbers import Arm, Number, check_number, numbers_of_page
-from tests.host.robots.kinematics.loop_closure import LoopClosure
 
 ARM = Arm("hybrid-arm")
 HYBRID = HybridArm.of(ARM.robot)

@@ -12,8 +12,8 @@ from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
-from tests.host.robots.kinematics.loop_closure import LoopClosure
-from tests.host.robots.kinematics.mechanisms import with_geometry
+from tests.features.papers.loop_closure import LoopClosure
+from tests.host.robots.kinematics.changed import with_geometry
 from tests.messages import refusing
 
 ROBOT = load_robot("hybrid-arm")
