@@ -83,7 +83,7 @@ class _Module:
 
 
 def tests_naming(pattern: re.Pattern[str], root: Path) -> Iterator[str]:
-    """Yield pytest's arguments that leave out the tests below a folder which name something, or use what names it."""
+    """Yield the tests that name something or use what names it: folders, files and node ids of pytest."""
     modules: dict[str, _Module] = {}
     for path in (file.relative_to(root) for file in sorted((root / "tests").rglob("*.py"))):
         body = ast.parse((root / path).read_bytes()).body
@@ -95,12 +95,12 @@ def tests_naming(pattern: re.Pattern[str], root: Path) -> Iterator[str]:
     for module in modules.values():
         path = module.path
         if module.is_broken and path.name == "conftest.py":
-            yield f"--ignore={path.parent.as_posix()}"
+            yield path.parent.as_posix()
         elif module.is_broken and path.name.startswith("test_"):
-            yield f"--ignore={path.as_posix()}"
+            yield path.as_posix()
         elif path.name.startswith("test_"):
             unusable = _unusable(module, modules)
-            yield from (f"--deselect={path.as_posix()}::{test}" for test in _tests(module.statements, unusable))
+            yield from (f"{path.as_posix()}::{test}" for test in _tests(module.statements, unusable))
 
 
 def _spread(module: _Module, modules: dict[str, _Module], pattern: re.Pattern[str]) -> bool:
