@@ -288,7 +288,7 @@ class Feature:
         program_keys: returns the types of its keys of program files; the values become the trajectory's `expects`.
         check_program: raises InputError for such a value, by its key, that a robot cannot fulfil.
         kinematics: returns its kinds of mechanisms, by name; one that has the name of another kind replaces it.
-        jobs: returns its jobs, by the kind of mechanism; one that has the name of another job replaces it.
+        jobs: returns its jobs, by the kind of mechanism; of two with one name that of the later feature counts.
         job_extra: returns its options of an emulated machine for a job's intent; None if the intent is not its own.
         check_robot: returns warnings about a robot, for `steptwin check`.
         check_travel: raises InputError if something is in the way of a straight move of all joints.

@@ -33,7 +33,6 @@ SUFFIX: Final = ".toml"
 _FOLDER: Final = Path(__file__).with_name("machines")
 
 
-@cache
 def _brought() -> dict[str, Path]:
     """Return the robot files by the robots' names: those of features, then those of the core, sorted in each folder."""
     folders = (*(folder for _, folder in giving("robots")), _FOLDER)

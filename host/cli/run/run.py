@@ -37,7 +37,7 @@ class LiveRunOptions(SessionOptions):
 
 @command(
     "ar4-mk3 pick.toml --out out/pick",
-    "docs/programs/ar4-mk3.toml --approach --connect 127.0.0.1",
+    "docs/programs/turntable.toml --approach --connect 127.0.0.1",
 )
 def run(
     options: MotionOptions,
