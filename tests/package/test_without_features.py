@@ -11,7 +11,7 @@ from steptwin.host.common.features import features
 from tests.without import copy_without, gone_with, run_in
 
 PROGRAM = 'robot = "ar4-mk3"\n[[step]]\npause = 0.1\n'
-STILL = "t,J1,J2,J3,J4,J5,J6\n0,0,0,0,0,45,0\n0.2,0.5,0,0,0,45,0\n"
+STILL = "t,J1,J2,J3,J4,J5,J6\n0,0,0,0,0,45,0\n0.2,0.1,0,0,0,45,0\n"
 
 
 @pytest.mark.slow
