@@ -31,22 +31,14 @@ PAGES: Final = (
 )
 """Tests of pages, of all commands and of all jobs."""
 USES: Final = {
-    "campaigns": (
-        "tests/live/test_campaign_cluster.py",
-        "tests/package/test_wheel.py",
-        "tests/test_promises.py",
-    ),
     "faults": (
         "tests/end_to_end/test_foreign_folders.py::test_a_pipe_or_a_device_is_not_read",
         "tests/end_to_end/test_readme.py",
         "tests/features/firmware",
-        "tests/features/motors/turning/test_in_loop.py",
         "tests/features/panel/service",
         "tests/host/cli/test_machine_options.py",
         "tests/host/operate/test_identity.py::test_every_live_command_can_be_forced",
         "tests/live/test_shadow.py",
-        "tests/live/test_tutorial_in_a_browser.py",
-        "tests/package/test_public_names.py",
         "tests/test_rules.py::test_every_mutation_has_its_place",
     ),
     "gcode": (
@@ -70,18 +62,13 @@ USES: Final = {
         "tests/end_to_end/test_bad_input.py::test_one_line_and_exit_code_2[job]",
         "tests/end_to_end/test_bad_input.py::test_one_line_and_exit_code_2[kind of file]",
         "tests/end_to_end/test_files.py::TestARobotOfOnesOwn::test_may_use_brackets_in_its_names",
-        "tests/end_to_end/test_files.py::TestARobotOfOnesOwn::test_that_cannot_do_the_job_says_why[no place]",
-        "tests/end_to_end/test_stored_runs.py::TestPlot::test_without_matplotlib",
         "tests/features/arms/test_tool_step.py",
         "tests/features/fastest/test_again.py",
         "tests/features/view/test_extent.py",
-        "tests/host/planning/jobs/test_options.py",
-        "tests/features/papers/test_other_sizes.py",
         "tests/features/papers/test_pull_line.py::TestOptions",
         "tests/host/record/folder/test_digests.py",
         "tests/host/record/folder/test_folder.py",
         "tests/host/record/folder/test_verify_folder.py",
-        "tests/host/record/test_recorded_machine.py",
         "tests/host/robots/kinematics/test_on_base.py::TestRobotFile::test_a_shelf_is_not_turned",
         "tests/host/robots/test_robot_files.py::TestMistakesInAFile::test_an_error_names_its_key[top]",
     ),
