@@ -29,11 +29,7 @@ class DemoOptions:
 
 
 def demo(robot: Robot, options: DemoOptions) -> Trajectory:
-    """Return the calibration robot's move of all joints at once, by a cubic of time.
-
-    Its paper (ICMEMTC 2016, Atlantis Press, from p. 918) has no experiment: the move is an assumption. Raises
-    InputError if the duration is not a whole number of milliseconds.
-    """
+    """Return the move; raise InputError if the duration is not a whole number of milliseconds."""
     start, goal = (tuple(fitted(robot, np.array(point)).tolist()) for point in (START, GOAL))
     return JointMove(robot.joint_names, start, goal, Cubic(1.0, options.duration_s))
 
