@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from steptwin.host.robots.kinematics import AssemblyMode, make_kinematics
+from steptwin.features.papers.hybrid_arm import AssemblyMode
+from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.switches import JointSwitches
-from tests.host.robots.kinematics.golden import (
+from tests.features.papers.golden import (
     BEYOND_TH1,
     CUBIC,
     FIVE_POINTS,
@@ -21,7 +22,7 @@ from tests.host.robots.kinematics.golden import (
     Numbers,
     rows,
 )
-from tests.host.robots.kinematics.mechanisms import BY_NAME, HYBRID, LAB, TEACHING, hybrid_arm
+from tests.features.papers.mechanisms import BY_NAME, HYBRID, LAB, TEACHING, hybrid_arm
 
 
 def identity(golden: Golden) -> str:

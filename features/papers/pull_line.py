@@ -12,7 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.host.planning.jobs.job import Job, in_reach_at_most, with_elbow
+from steptwin.features.papers.scaling import in_reach_at_most, with_elbow
+from steptwin.host.planning.jobs.job import Job
 from steptwin.host.planning.jobs.options import joint_position, number
 from steptwin.host.planning.laws import Trapezoid
 from steptwin.host.planning.motion import Motion

@@ -5,7 +5,7 @@ import pytest
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.kinematics import Branch
-from tests.host.robots.kinematics.mechanisms import WAREHOUSE
+from tests.features.papers.mechanisms import WAREHOUSE
 
 
 def right_of(*pose: float, near: FloatArray | None = None) -> Branch:

@@ -6,8 +6,8 @@ import pytest
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
+from tests.features.papers.loop_closure import CLOSED_MM, LoopClosure
 from tests.host.complaints import complaint_of
-from tests.host.robots.kinematics.loop_closure import CLOSED_MM, LoopClosure
 
 ROBOT = load_robot("hybrid-arm")
 ARM = make_kinematics(ROBOT)

@@ -19,10 +19,10 @@ from typing import Final, Self
 
 import numpy as np
 
+from steptwin.features.papers.hybrid_arm import HybridGeometry
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.kinematics.base import read_geometry
-from steptwin.host.robots.kinematics.hybrid import HybridGeometry
 from steptwin.host.robots.poses.rotations import wrapped_deg
 from steptwin.host.robots.robot import Robot
 

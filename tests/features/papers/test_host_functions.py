@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from steptwin.features.papers.host_functions import forward, inverse
 from steptwin.host.robots import load_robot
-from steptwin.host.robots.host_functions import forward, inverse
 from tests.host.complaints import complaint_of
 
 

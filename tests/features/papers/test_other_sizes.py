@@ -11,7 +11,7 @@ from steptwin.host.robots import load_robot, robot_names
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.robot import Robot
 from tests.host.complaints import complaint_of
-from tests.host.robots.kinematics.mechanisms import with_geometry
+from tests.host.robots.kinematics.changed import with_geometry
 from tests.messages import refusing
 
 JOBS = [

@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
+from steptwin.features.papers.hybrid_arm import WorkingMode
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.kinematics import WorkingMode
 from steptwin.host.robots.kinematics.dh import Convention
-from tests.host.robots.kinematics.golden import DRAWER_RIGHT, STATIC, Golden, Numbers, rows
-from tests.host.robots.kinematics.mechanisms import CALIBRATION, HYBRID, LAB, TEACHING, WAREHOUSE, hybrid_arm
+from tests.features.papers.golden import DRAWER_RIGHT, STATIC, Golden, Numbers, rows
+from tests.features.papers.mechanisms import CALIBRATION, HYBRID, LAB, TEACHING, WAREHOUSE, hybrid_arm
 
 
 def cos_deg(angle_deg: float) -> float:

@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
+from steptwin.features.papers.hybrid_jobs import five_poses
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
-from steptwin.host.planning.jobs.hybrid_jobs import five_poses
 from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
-from tests.host.robots.kinematics.loop_closure import LoopClosure
-from tests.host.robots.kinematics.mechanisms import with_geometry
+from tests.features.papers.loop_closure import LoopClosure
+from tests.host.robots.kinematics.changed import with_geometry
 from tests.messages import refusing
 
 ROBOT = load_robot("hybrid-arm")

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from steptwin.features.papers.hybrid_arm import AssemblyMode, SliderPair, WorkingMode
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.kinematics import AssemblyMode, SliderPair, WorkingMode
 
 PAIR = SliderPair(150.0, 350.0)
 

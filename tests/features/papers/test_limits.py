@@ -8,7 +8,7 @@ import pytest
 
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics import Branch, Kinematics, make_kinematics, within_limits
-from tests.host.robots.kinematics.mechanisms import (
+from tests.features.papers.mechanisms import (
     ALL,
     BY_NAME,
     HYBRID,

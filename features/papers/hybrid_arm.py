@@ -36,7 +36,7 @@ from steptwin.host.robots.kinematics.base import (
     read_geometry,
     require_joints,
 )
-from steptwin.host.robots.kinematics.dh import Convention, DhParameter, DhRow, DhTable
+from steptwin.host.robots.kinematics.dh import Convention, DhParameter, DhRow, DhTable, TwoSliders
 from steptwin.host.robots.kinematics.links import ArmPart, Role, line, point, slide, tool
 from steptwin.host.robots.kinematics.on_base import OnBase
 from steptwin.host.robots.poses.rotations import wrapped_deg
@@ -173,7 +173,8 @@ class HybridGeometry(FileTable):
             DhRow(-90.0, 0.0, DhParameter(variable="z3"), DhParameter(-90.0)),
             DhRow(0.0, self.l3_mm, DhParameter(-self.l4_mm), DhParameter(variable="th4")),
         )
-        return DhTable(Convention.MODIFIED, rows)
+        sliders = TwoSliders("th1", "Z5", "Z6", "z2", "z3", self.l2_mm, self.h_mm, self.L_mm)
+        return DhTable(Convention.MODIFIED, rows, sliders=sliders)
 
     @property
     def sliders(self) -> SliderPair:

@@ -13,9 +13,10 @@ from typing import Final
 
 import numpy as np
 
+from steptwin.features.papers.scaling import in_reach, in_station
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import whole_ms
-from steptwin.host.planning.jobs.job import Job, in_reach, in_station
+from steptwin.host.planning.jobs.job import Job
 from steptwin.host.planning.jobs.options import number
 from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.motions.sampled import c2_spline

@@ -13,9 +13,10 @@ from typing import Final
 
 import numpy as np
 
+from steptwin.features.papers.scaling import fitted, with_elbow
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.jobs.job import Job, fitted, with_elbow
+from steptwin.host.planning.jobs.job import Job
 from steptwin.host.planning.jobs.options import Point, joint_position, number, point
 from steptwin.host.planning.laws import Cubic, Law, Quintic
 from steptwin.host.planning.motion import Motion

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from steptwin.features.papers.hybrid_arm import AssemblyMode, HybridArm, WorkingMode
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.kinematics import AssemblyMode, Branch, HybridArm, WorkingMode
-from tests.host.robots.kinematics.mechanisms import (
+from steptwin.host.robots.kinematics import Branch
+from tests.features.papers.mechanisms import (
     ALL,
     HYBRID,
     Mechanism,
@@ -13,9 +14,9 @@ from tests.host.robots.kinematics.mechanisms import (
     each_scara,
     hybrid_arm,
     own_solutions,
-    pose_errors,
     singularity_measure,
 )
+from tests.host.robots.kinematics.changed import pose_errors
 
 POSES = 10_000
 

@@ -4,21 +4,14 @@ import dataclasses
 
 import pytest
 
+from steptwin.features.papers.hybrid_arm import SliderPair
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.joint import Unit
-from steptwin.host.robots.kinematics import SliderPair, make_kinematics
+from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
+from tests.features.papers.mechanisms import CALIBRATION, HYBRID, LAB, TEACHING, WAREHOUSE, Mechanism, each_mechanism
 from tests.host.complaints import complaint_of
-from tests.host.robots.kinematics.mechanisms import (
-    CALIBRATION,
-    HYBRID,
-    LAB,
-    TEACHING,
-    WAREHOUSE,
-    Mechanism,
-    each_mechanism,
-    with_geometry,
-)
+from tests.host.robots.kinematics.changed import with_geometry
 from tests.messages import refusing
 
 

@@ -1,16 +1,17 @@
 """The mechanisms for tests of all kinematics: the five robots, and the calibration robot with its tool up."""
 
-import dataclasses
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 import pytest
 
+from steptwin.features.papers.hybrid_arm import HybridArm
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.robots import load_robot
-from steptwin.host.robots.kinematics import HybridArm, Kinematics, Scara, make_kinematics
+from steptwin.host.robots.kinematics import Kinematics, Scara, make_kinematics
 from steptwin.host.robots.robot import Robot
+from tests.host.robots.kinematics.changed import with_geometry
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,11 +70,6 @@ def mechanism(name: str, tool_down: bool, *posture: float) -> Mechanism:
     return Mechanism(name, robot, make_kinematics(robot), tool_down, posture)
 
 
-def with_geometry(robot: Robot, **dimensions: float) -> Robot:
-    """Return a robot with some dimensions changed."""
-    return dataclasses.replace(robot, geometry={**robot.geometry, **dimensions})
-
-
 def tool_up(calibration: Mechanism) -> Mechanism:
     """Return the calibration robot with its tool up."""
     robot = with_geometry(calibration.robot, alpha3_deg=0.0)
@@ -101,13 +97,6 @@ def hybrid_arm() -> HybridArm:
     if not isinstance(arm, HybridArm):
         raise TypeError(HYBRID.name)
     return arm
-
-
-def pose_errors(found: FloatArray, poses: FloatArray) -> FloatArray:
-    """Return the differences of two arrays of poses, in mm and degrees, without full turns."""
-    errors = found - poses
-    errors[:, 3] = (errors[:, 3] + 180.0) % 360.0 - 180.0
-    return np.abs(errors)
 
 
 def own_solutions(mechanism: Mechanism, joints: FloatArray) -> tuple[FloatArray, BoolArray]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.arrays import FloatArray
-from tests.host.robots.kinematics.mechanisms import (
+from tests.features.papers.mechanisms import (
     CALIBRATION,
     HYBRID,
     LAB,

@@ -12,15 +12,18 @@ from typing import Final
 
 import numpy as np
 
+from steptwin.features.papers.hybrid_arm import HybridArm
+from steptwin.features.papers.scaling import in_station
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.jobs.job import Job, hybrid_scale, in_station
+from steptwin.host.planning.jobs.job import Job
 from steptwin.host.planning.jobs.options import number, parse_options
 from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.motions.sampled import akima_spline
 from steptwin.host.planning.motions.tool_move import follow
+from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
 OPERATING_MODE: Final = "(+,+)"
@@ -31,6 +34,33 @@ TURNS: Final = 4
 RADIUS_MM: Final = 80.0
 RISE_MM_PER_TURN: Final = 60.0
 CENTRE_MM: Final = (350.0, 150.0, 500.0)
+
+
+HYBRID_RADIUS_MM: Final = 400.0
+HYBRID_Z2_MAX_MM: Final = 150.0
+HYBRID_STROKE_MM: Final = 500.0
+HYBRID_REST_MM: Final = 280.0 + (350.0**2 - 150.0**2) ** 0.5
+"""Dimensions of the reference arm of the jobs' poses: radius of the tool with the platform in the middle, travel of the
+platform to each side, stroke of the sliders, and height of the tool with the sliders at 0.
+"""
+
+
+def hybrid_scale(robot: Robot) -> tuple[float, float, float, float]:
+    """Return the scale of poses from the reference hybrid arm to this one.
+
+    It has the factor of radii, the factors of radial and vertical distances from the middle, and the tool's rise with
+    the sliders at 0, in mm.
+    """
+    arm = make_kinematics(robot)
+    if not isinstance(arm, HybridArm):
+        return 1.0, 1.0, 1.0, 0.0
+    grown = arm.radius_mm / HYBRID_RADIUS_MM
+    radial = min((arm.z2_max_mm / arm.radius_mm) / (HYBRID_Z2_MAX_MM / HYBRID_RADIUS_MM), 1.0)
+    sliders = [robot.joint(name) for name in ("Z5", "Z6")]
+    lower, upper = max(slider.lower for slider in sliders), min(slider.upper for slider in sliders)
+    vertical = min((upper - lower) / HYBRID_STROKE_MM, 1.0)
+    rest_mm = arm.height_mm + (arm.sliders.L_mm**2 - arm.sliders.h_mm**2) ** 0.5
+    return grown, radial, vertical, rest_mm - HYBRID_REST_MM + (lower + upper) / 2.0
 
 
 def _radius_mm(robot: Robot) -> float:
