@@ -43,7 +43,7 @@ test-all: test $(LOWEST)/.installed
 	$(MAKE) test-lowest
 	$(MAKE) lint
 
-# The wheel for every machine, and one for this kind of machine whose hot modules are compiled (docs/benchmarks.md).
+# The wheel for every machine, and one for this kind of machine whose hot modules are compiled (docs/evidence.md).
 wheel: $(BIN)/python
 	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
 

@@ -63,9 +63,9 @@ PROMISES = [
     # --- who is in charge, and who is lost
     Promise("docs/canopen.md", "sends a heartbeat every 100 ms as node 0x7F", lease.PERIOD_S, 0.1),
     Promise("docs/canopen.md", "0x1016:01 = 0x7F015E, which is 350 ms", lease.WATCH_HOST, 0x7F015E),
-    Promise("docs/hardware.md", "misses its host's heartbeat for 350 ms", lease.TIMEOUT_MS, 350),
+    Promise("docs/evidence.md", "misses its host's heartbeat for 350 ms", lease.TIMEOUT_MS, 350),
     Promise("docs/canopen.md", "when it has monitored no heartbeat for 1 s", od.CHARGE_UNWATCHED_MS, 1000),
-    Promise("docs/hardware.md", "TPDO1 each 100 ms", TPDO_DEFAULTS[0].event_timer_ms, 100),
+    Promise("docs/evidence.md", "TPDO1 each 100 ms", TPDO_DEFAULTS[0].event_timer_ms, 100),
     Promise("docs/live.md", "wait 0.8 s for an answer", shared_node._PATIENCE_S, 0.8),
     Promise("docs/live.md", "A node has 0.8 s to answer", shared_node._PATIENCE_S, 0.8),
     Promise("docs/live.md", "waited for only 50 ms each until one answers", shared_node._IMPATIENCE_S, 0.05),
@@ -83,15 +83,15 @@ PROMISES = [
     Promise("docs/live.md", "tries again five times a second", tcp_server.ACCEPT_PAUSE_S, 0.2),
     Promise("docs/live.md", "the server holds back frames for 100 ms", socketcand.SILENCE_S, 0.1),
     # --- the board
-    Promise("docs/hardware.md", "The queue holds 64 records", pvt.QUEUE_DEPTH, 64),
+    Promise("docs/evidence.md", "The queue holds 64 records", pvt.QUEUE_DEPTH, 64),
     Promise("docs/canopen.md", "a step more than 250 us late", kernel.TICK_COUNTS, 250 * US),
     Promise("docs/canopen.md", "leaves its mailboxes empty for 100 us", transmit_queue.PAUSE_COUNTS, 100 * US),
     Promise("docs/canopen.md", "If a mailbox is not free after 5 ms", transmit_queue.PAUSE_COUNTS_MAX, 5 * MS),
     Promise("docs/canopen.md", "until a second has passed without a loss", outbox.QUIET_US, 1_000_000),
     Promise("docs/canopen.md", "two minutes at power-up", objects.ENTRIES[od.HOMING_TIMEOUT_MS].default, 120_000),
-    Promise("docs/board.md", "segments of 8 to 16 ms", ramps.GRAIN_MS, 8),
-    Promise("docs/board.md", "segments of 8 to 16 ms", ramps.PIECE_MS, 16),
-    Promise("docs/board.md", "keeps some 50 ms of them queued", profile_feed.AHEAD_MS, 48),
+    Promise("docs/evidence.md", "segments of 8 to 16 ms", ramps.GRAIN_MS, 8),
+    Promise("docs/evidence.md", "segments of 8 to 16 ms", ramps.PIECE_MS, 16),
+    Promise("docs/evidence.md", "keeps some 50 ms of them queued", profile_feed.AHEAD_MS, 48),
     Promise("docs/run-folder.md", "72 000 000", timer.COUNTS_PER_SECOND, SECOND),
     # --- the verdict
     Promise("README.md", "which steps at 9/16 of a step", oracle.THRESHOLD_STEPS, 9 / 16),
@@ -100,7 +100,7 @@ PROMISES = [
         "docs/live-commands.md", "more than 9/16 step, the firmware's hysteresis", running.END_ERROR_STEPS_MAX, 9 / 16
     ),
     Promise(
-        "docs/benchmarks.md", "without crossings slower than 1 % of the axis' fastest", matching.SLOW_CROSSING, 0.01
+        "docs/evidence.md", "without crossings slower than 1 % of the axis' fastest", matching.SLOW_CROSSING, 0.01
     ),
     Promise("docs/motors.md", "1 - needs / has; a warning below 30 %", verdict.MARGIN_MIN, 0.30),
     # --- motions and files

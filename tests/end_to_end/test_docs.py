@@ -37,7 +37,6 @@ from tests.end_to_end.marks import slow_but
 from tests.end_to_end.pages import ROOT, run_python
 
 TEXT = PAGE.read_text(encoding="utf-8")
-BENCHMARKS = (PAGE.parent / "benchmarks.md").read_text(encoding="utf-8")
 MACHINES_PAGE = (PAGE.parent / "machines.md").read_text(encoding="utf-8")
 ROBOT_FILES = (PAGE.parent / "robot-files.md").read_text(encoding="utf-8")
 ALL_TEXT = "".join(path.read_text(encoding="utf-8") for path in sorted(PAGE.parent.glob("*.md")))
