@@ -96,12 +96,8 @@ PROMISES = [
     # --- the verdict
     Promise("README.md", "which steps at 9/16 of a step", oracle.THRESHOLD_STEPS, 9 / 16),
     Promise("README.md", "fails above 0.57 at 1/16", gates.POSITION_ERROR_LIMIT_STEPS, 0.57),
-    Promise(
-        "docs/live-commands.md", "more than 9/16 step, the firmware's hysteresis", running.END_ERROR_STEPS_MAX, 9 / 16
-    ),
-    Promise(
-        "docs/evidence.md", "without crossings slower than 1 % of the axis' fastest", matching.SLOW_CROSSING, 0.01
-    ),
+    Promise("docs/live.md", "more than 9/16 step, the firmware's hysteresis", running.END_ERROR_STEPS_MAX, 9 / 16),
+    Promise("docs/evidence.md", "without crossings slower than 1 % of the axis' fastest", matching.SLOW_CROSSING, 0.01),
     Promise("docs/motors.md", "1 - needs / has; a warning below 30 %", verdict.MARGIN_MIN, 0.30),
     # --- motions and files
     Promise("docs/programs.md", "stands still for 0.3 s", composer.SWITCHING_S, 0.3),
@@ -120,8 +116,8 @@ PROMISES = [
     Promise("docs/recorded-buses.md", "of more than 2 GiB", file_limits.RECORDED_BYTES_MAX, 2 * GIB),
     Promise("docs/recorded-buses.md", "of more than 5 000 000 frames", file_limits.RECORDED_FRAMES_MAX, 5_000_000),
     Promise("docs/recorded-buses.md", "more than a day by its time stamps", reading._LASTS_S_MAX, 86_400),
-    Promise("docs/campaigns.md", "every 1 000 runs or 30 s", results.PART_ROWS, 1000),
-    Promise("docs/campaigns.md", "every 1 000 runs or 30 s", results.PART_S, 30.0),
+    Promise("docs/faults.md", "every 1 000 runs or 30 s", results.PART_ROWS, 1000),
+    Promise("docs/faults.md", "every 1 000 runs or 30 s", results.PART_S, 30.0),
 ]
 
 

@@ -6,7 +6,6 @@ from docs.generate.drawer_pull_film import write_drawer_pull_film
 from docs.generate.driver_page import DRIVER_PAGE, write_driver_pictures
 from docs.generate.gcode_page import GCODE_PAGE
 from docs.generate.machine_pages import (
-    CONTROL_PORT_PAGE,
     FAULTS_PAGE,
     MACHINE_PAGE,
     RUN_FOLDER_PAGE,
@@ -31,7 +30,6 @@ def main() -> None:
     """Write each page before its pictures: rendering docs/robots.md makes the runs that they show."""
     COMMAND_LINE_PAGE.write_text(render_command_line(), encoding="utf-8")
     CONFORM_PAGE.write()
-    CONTROL_PORT_PAGE.write()
     DRIVER_PAGE.write()
     write_driver_pictures()
     FAULTS_PAGE.write()

@@ -13,7 +13,6 @@ from docs.generate.conform_page import CONFORM_PAGE
 from docs.generate.driver_page import DRIVER_PAGE
 from docs.generate.gcode_page import GCODE_PAGE
 from docs.generate.machine_pages import (
-    CONTROL_PORT_PAGE,
     FAULTS_PAGE,
     MACHINE_PAGE,
     RUN_FOLDER_PAGE,
@@ -63,10 +62,6 @@ def test_the_page_of_faults_is_up_to_date(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_the_page_of_conformance_is_up_to_date() -> None:
     assert CONFORM_PAGE.render() == CONFORM_PAGE.path.read_text(encoding="utf-8")
-
-
-def test_the_page_of_the_control_port_is_up_to_date() -> None:
-    assert CONTROL_PORT_PAGE.render() == CONTROL_PORT_PAGE.path.read_text(encoding="utf-8")
 
 
 def test_the_page_of_gcode_is_up_to_date() -> None:
