@@ -12,10 +12,11 @@ from typing import Any, Final
 from docs.generate.commands import DOCS, GeneratedPage, session
 from docs.generate.markdown import table
 from docs.generate.paper_pages import PAPERS
+from steptwin.features.faults.fault import Key
 from steptwin.features.faults.judge import longest_ramp_ms
 from steptwin.features.faults.kinds import DOCUMENTED
 from steptwin.features.faults.reaction import Motion, Reaction
-from steptwin.features.faults.requests import REQUESTS, Key, description, keys_of, sentence
+from steptwin.features.faults.requests import REQUESTS, description, keys_of, sentence
 from steptwin.host.common.choices import STATE
 from steptwin.host.common.features import giving
 from steptwin.host.robots import load_robot
