@@ -19,7 +19,6 @@ from docs.generate.machine_pages import (
     render_machine_options,
 )
 from docs.generate.paper_pages import PAPERS
-from docs.generate.pictures import WAVEFORM_PAGE
 from docs.generate.protocol import PROTOCOL_PAGE
 from docs.generate.robot_drawings import ROBOT_FILES_PAGE, drawing
 from docs.generate.robots_page import PAGE, SAMPLED, render_robots
@@ -136,7 +135,9 @@ def test_the_commands_for_waveforms(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     """All commands in their order."""
     pytest.importorskip("matplotlib", reason="the extra `plot` (matplotlib) is not installed")
     monkeypatch.chdir(tmp_path)
-    block = re.findall(r"^```\n(.*?)^```", WAVEFORM_PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)[0]
+    block = re.findall(
+        r"^```\n(.*?)^```", RUN_FOLDER_PAGE.path.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL
+    )[0]
     commands = [shlex.split(line, comments=True) for line in block.splitlines()]
     assert len(commands) == 7
     for words in commands:
