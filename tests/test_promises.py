@@ -113,9 +113,9 @@ PROMISES = [
     Promise("docs/run-folder.md", "3 600 001 points or 3 GiB", file_limits.CSV_BYTES_MAX, 3 * GIB),
     Promise("docs/run-folder.md", "a `report.json` of more than 16 MiB", file_limits.REPORT_BYTES_MAX, 16 * MIB),
     Promise("docs/run-folder.md", "a `robot.toml` of more than 256 KiB", file_limits.ROBOT_BYTES_MAX, 256 << 10),
-    Promise("docs/recorded-buses.md", "of more than 2 GiB", file_limits.RECORDED_BYTES_MAX, 2 * GIB),
-    Promise("docs/recorded-buses.md", "of more than 5 000 000 frames", file_limits.RECORDED_FRAMES_MAX, 5_000_000),
-    Promise("docs/recorded-buses.md", "more than a day by its time stamps", reading._LASTS_S_MAX, 86_400),
+    Promise("docs/shadow.md", "of more than 2 GiB", file_limits.RECORDED_BYTES_MAX, 2 * GIB),
+    Promise("docs/shadow.md", "of more than 5 000 000 frames", file_limits.RECORDED_FRAMES_MAX, 5_000_000),
+    Promise("docs/shadow.md", "more than a day by its time stamps", reading._LASTS_S_MAX, 86_400),
     Promise("docs/faults.md", "every 1 000 runs or 30 s", results.PART_ROWS, 1000),
     Promise("docs/faults.md", "every 1 000 runs or 30 s", results.PART_S, 30.0),
 ]
