@@ -1,7 +1,6 @@
 """Write the generated pages of docs/ again: `python -m docs.generate`."""
 
 from docs.generate.command_line import COMMAND_LINE_PAGE, render_command_line
-from docs.generate.conform_page import CONFORM_PAGE
 from docs.generate.drawer_pull_film import write_drawer_pull_film
 from docs.generate.driver_page import DRIVER_PAGE, write_driver_pictures
 from docs.generate.gcode_page import GCODE_PAGE
@@ -11,6 +10,7 @@ from docs.generate.machine_pages import (
     RUN_FOLDER_PAGE,
     render_machine_options,
 )
+from docs.generate.masters_page import MASTERS_PAGE
 from docs.generate.motion_pictures import write_motion_pictures
 from docs.generate.paper_pages import write_papers
 from docs.generate.pictures import (
@@ -29,7 +29,7 @@ from docs.generate.runs import Runs
 def main() -> None:
     """Write each page before its pictures: rendering docs/robots.md makes the runs that they show."""
     COMMAND_LINE_PAGE.write_text(render_command_line(), encoding="utf-8")
-    CONFORM_PAGE.write()
+    MASTERS_PAGE.write()
     DRIVER_PAGE.write()
     write_driver_pictures()
     FAULTS_PAGE.write()

@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 
 from docs.generate.command_line import COMMAND_LINE_PAGE, render_command_line
-from docs.generate.conform_page import CONFORM_PAGE
 from docs.generate.driver_page import DRIVER_PAGE
 from docs.generate.gcode_page import GCODE_PAGE
 from docs.generate.machine_pages import (
@@ -18,6 +17,7 @@ from docs.generate.machine_pages import (
     RUN_FOLDER_PAGE,
     render_machine_options,
 )
+from docs.generate.masters_page import MASTERS_PAGE
 from docs.generate.paper_pages import PAPERS
 from docs.generate.protocol import PROTOCOL_PAGE
 from docs.generate.robot_drawings import ROBOT_FILES_PAGE, drawing
@@ -59,8 +59,8 @@ def test_the_page_of_faults_is_up_to_date(monkeypatch: pytest.MonkeyPatch) -> No
     assert FAULTS_PAGE.render() == FAULTS_PAGE.path.read_text(encoding="utf-8")
 
 
-def test_the_page_of_conformance_is_up_to_date() -> None:
-    assert CONFORM_PAGE.render() == CONFORM_PAGE.path.read_text(encoding="utf-8")
+def test_the_page_of_masters_is_up_to_date() -> None:
+    assert MASTERS_PAGE.render() == MASTERS_PAGE.path.read_text(encoding="utf-8")
 
 
 def test_the_page_of_gcode_is_up_to_date() -> None:
