@@ -81,7 +81,7 @@ def _begins(reaction: Reaction) -> str:
 
 def _position(reaction: Reaction) -> str:
     if not reaction.verified:
-        return "wrong: the verdict tells it"
+        return "wrong: the verdict reports it"
     return "known" if reaction.position_known else "unknown, if it moved"
 
 

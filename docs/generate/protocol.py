@@ -144,7 +144,7 @@ def _pvt_status(data: bytes) -> str:
 
 
 _CONTROLWORDS: Final = (SHUTDOWN, SWITCH_ON, ENABLE_OPERATION, DISABLE_VOLTAGE, QUICK_STOP, Control.FAULT_RESET)
-_MAPPED: Final = {Mapping.NONE: "", Mapping.RECEIVE: "RPDO", Mapping.TRANSMIT: "TPDO", Mapping.BOTH: "both"}
+_MAPPED: Final = {Mapping.NONE: "", Mapping.RECEIVE: "RPDO", Mapping.TRANSMIT: "TPDO", Mapping.BOTH: "RPDO or TPDO"}
 
 
 def _identifiers() -> str:
@@ -201,23 +201,25 @@ def _objects() -> str:
     rows = []
     for _, alike in groupby(OBJECTS, key=lambda item: (_NUMBER.sub("", item.name), *item.entries)):
         rows += _object_rows([*alike])
-    columns = ["object", "name", "type", "unit", "access", "default", "range", "PDO"]
-    return table(columns, rows, text_columns=len(columns))
+    return table(["object", "name", "type", "access", "default (range)"], rows, text_columns=5)
 
 
 def _object_rows(items: Sequence[DictionaryObject]) -> list[list[str]]:
     item, last = items[0], items[-1]
     rows = []
     for subindex, entry in item.entries.items():
-        data_type, unit, access, default, *others = _facts(entry)
-        same = all(_default(each.entries[subindex]) == default for each in items)
-        name = entry.name.removesuffix(f" in {unit}")
-        rows.append([_key(item.index, subindex), name, data_type, unit, access, default if same else "", *others])
+        unit = entry.unit.value
+        name = entry.name if unit in entry.name else f"{entry.name} in {unit}"
+        kind = f"{'i' if entry.data_type.signed else 'u'}{8 * entry.data_type.size}" if entry.data_type.size else "text"
+        access = ", ".join(filter(None, (entry.access.value, _MAPPED[entry.mapping])))
+        defaults = {_default(each.entries[subindex]) for each in items}
+        value = " ".join(filter(None, (_default(entry) if len(defaults) == 1 else "", _range(entry))))
+        rows.append([_key(item.index, subindex), name, kind, access, value])
     if len(rows) == 1:
         return rows
     several = last is not item
     index = f"{item.index:04X}" + (f" to {last.index:04X}" if several else "")
-    head = [index, f"**{_NUMBER.sub('', item.name) if several else item.name}**", *[""] * 6]
+    head = [index, f"**{_NUMBER.sub('', item.name) if several else item.name}**", *[""] * 3]
     return [head, *_runs(rows[1:] if rows[0][1] == _HIGHEST else rows)]
 
 
@@ -233,11 +235,6 @@ def _runs(rows: Sequence[list[str]]) -> list[list[str]]:
     return kept
 
 
-def _facts(entry: Entry) -> list[str]:
-    data_type, unit, access = entry.data_type.name.lower(), entry.unit.value, entry.access.value
-    return [data_type, unit, access, _default(entry), _range(entry), _MAPPED[entry.mapping]]
-
-
 def _default(entry: Entry) -> str:
     if isinstance(entry.default, str):
         return entry.default
@@ -250,7 +247,7 @@ def _range(entry: Entry) -> str:
         return ""
     low = entry.data_type.low if entry.low is None else entry.low
     high = entry.data_type.high if entry.high is None else entry.high
-    return f"{low}..{high}"
+    return f"({low}..{high})"
 
 
 def _key(index: int, subindex: int) -> str:
