@@ -14,7 +14,7 @@ from steptwin.host.common.features import Feature
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 HOUSE = (DOCS / "house.md").read_text(encoding="utf-8")
-PAGES = ("captures", "driver", "evidence", "faults", "firmware", "house", "motions", "protocol", "robots", "shadow")
+PAGES = ("captures", "driver", "evidence", "faults", "firmware", "house", "motions", "protocol", "shadow")
 
 PLACE = re.compile(r"([\w.-]+/[\w./-]*|[\w-]+\.(?:py|toml|md)|Makefile)(?:: (\w+(?:\.\w+)*(?:, \w+(?:\.\w+)*)*))?")
 """A path, perhaps with names that the file defines: `host/planning/planner.py: plan`."""

@@ -1,6 +1,6 @@
 """Render what pages say of the emulated machine and its runs.
 
-docs/faults.md has an example, all faults and their documented reactions, docs/machine-options.md the options on the
+docs/faults.md has an example, all faults and their documented reactions, docs/robot-files.md the options on the
 command line and in Python, docs/run-folder.md the figures of reports.
 """
 
@@ -24,25 +24,10 @@ from steptwin.host.twin.machine.machine_options import SPELLING, MachineOptions
 from steptwin.host.verify.figures import axis_figures
 
 EXAMPLE: Final = DOCS / "examples" / "faults" / "carry.toml"
-MACHINE_PAGE: Final = DOCS / "machine-options.md"
+
 
 PLAIN: Final = {"number", "whole number", "name of a joint"}
 """Descriptions of keys that their names give as well."""
-
-_NOTICE: Final = "<!-- Made by `make docs` from host/twin/machine/machine_options.py: change that. -->"
-_TEXT: Final = """# The emulated machine's options
-
-They say how an emulated machine differs from its robot's file, and what happens to it. Neither the plan nor the host is
-told. `steptwin run` and `steptwin serve` take them as `--machine KEY=VALUE`, and so does `steptwin replay`, but for a
-scenario and for motors. `execute`, `ServedBoard`, `BoardUnderTest` and `ServedBoardUnderTest` have them as keyword
-arguments ([api.md](api.md)), the marker `steptwin` of tests as well ([ci.md](ci.md))."""
-_REMARKS: Final = """\
-`-m` is short for `--machine`. `firmware`, `node` and `motors` are for served boards. `run` has its own option
-`--motors`: it lets the motors turn after the run, by its record, and `--motors=loop` as it goes. In Python `stand_at`
-may also list all joints, `crystal_ppm` may be one number for all boards. Motors that turn in real time need numba.
-
-The options of a feature are an object of a class of its own, in the list `extras`:
-`extras=[ShelfOptions(stock={"A1": "screws"})]`."""
 
 
 def _requests() -> str:
@@ -116,8 +101,8 @@ RUN_FOLDER_PAGE: Final = GeneratedPage(
 )
 
 
-def render_machine_options() -> str:
-    """Return the whole page; it ends with a newline."""
+def machine_options() -> str:
+    """Return the table of the emulated machine's options, on the command line and in Python."""
     own = [_row(field, f"{field.name}={{}}") for field in fields(MachineOptions) if SPELLING in field.metadata]
     classes = [options() for _, options in giving("machine_options")]
     of_features = [
@@ -126,8 +111,7 @@ def render_machine_options() -> str:
         for field in fields(made)
         if SPELLING in field.metadata
     ]
-    options = table(["`--machine`", "in Python", ""], own + of_features, text_columns=3)
-    return f"{_NOTICE}\n\n{_TEXT}\n\n{options}\n\n{_REMARKS}\n"
+    return table(["`--machine`", "in Python", ""], own + of_features, text_columns=3)
 
 
 def _row(field: Field[Any], in_python: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""Draw the pictures of docs/motions.md, docs/gcode.md and docs/motors.md: corners, limits, an engraving, torques."""
+"""Draw the pictures of docs/motions.md, docs/programs.md and docs/motors.md: corners, limits, an engraving, torques."""
 
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Draw the pictures of docs/robots.md: three for each run, small enough for a repository."""
+"""Draw the pictures of docs/papers: three for each run, small enough for a repository."""
 
 import re
 from functools import partial
@@ -11,7 +11,7 @@ from matplotlib.patches import Rectangle
 
 from docs.generate.commands import DOCS
 from docs.generate.drawing import write_motor_picture, write_picture, write_run_picture
-from docs.generate.robots_page import PICTURE_KINDS, picture
+from docs.generate.paper_pages import PAPERS, PICTURE_KINDS, picture, read_paper
 from docs.generate.runs import Runs
 from steptwin.features.calibration.identification import identify_errors
 from steptwin.features.calibration.measurements import simulate_measurements
@@ -34,23 +34,21 @@ from steptwin.host.robots.new_file import robot_text, with_settings
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.execution import execute
 
-_DRAWN: Final = dict(zip(PICTURE_KINDS, ("tool-path", "joints", "error"), strict=True))
+_DRAWN: Final = dict(zip(PICTURE_KINDS, ("in-space", "joints", "error"), strict=True))
 """For each kind of picture on the page, its name in `steptwin.host.record.plots`."""
 
 
 def write_pictures(runs: Runs) -> None:
-    """Draw the pictures of every run that a page shows."""
-    for outcome in runs.made():
-        run = outcome.report.run
+    """Draw the pictures of each paper's experiment."""
+    for robot in PAPERS:
+        job = read_paper(robot).job
         for kind, name in _DRAWN.items():
-            path = DOCS / picture(run.robot, run.job, kind)
-            path.parent.mkdir(exist_ok=True)
-            write_run_picture(path, name, outcome)
+            write_run_picture(DOCS / picture(robot, job, kind), name, runs.outcome(robot, job))
 
 
 _MACHINE_PICTURES: Final = {
     "chain": ("path", "in-space"),
-    "cartesian": ("path", "tool-path"),
+    "cartesian": ("path", "in-space"),
     "axes": ("joints", "joints"),
 }
 """For each kind of machine the kind of its example's picture, and its name in `steptwin.host.record.plots`."""
@@ -77,16 +75,16 @@ def write_machine_picture(robot: Robot) -> None:
 
 _KIND: Final = "calibration-scara"
 _NAME: Final = "my-arm"
-_ERRORS: Final = re.compile(r"^```toml\n(.*?)^```", re.MULTILINE | re.DOTALL)
+_ERRORS: Final = re.compile(r"^<!-- calibration -->\n```toml\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _MEASURE: Final = re.compile(r"--simulate (\d+) --noise-mm (\S+) --seed (\d+)")
 
 
 def write_calibration_picture() -> None:
     """Calibrate the page's arm by the measurements that the page's command simulates."""
-    page = (DOCS / "calibration.md").read_text(encoding="utf-8")
+    page = (DOCS / "machines.md").read_text(encoding="utf-8")
     errors, measure = _ERRORS.search(page), _MEASURE.search(page)
     if not (errors and measure):
-        raise ValueError("docs/calibration.md has no errors.toml, or no --simulate")
+        raise ValueError("docs/machines.md has no errors.toml, or no --simulate")
     text = robot_text(_NAME, _KIND, *with_settings(_KIND, {}))
     nominal, real = (parse_robot(each, _NAME) for each in (text, text + errors[1]))
     measured = simulate_measurements(real, int(measure[1]), float(measure[2]), int(measure[3]))

@@ -55,7 +55,7 @@ class MotionOptions:
         "Set an option of the job (`steptwin jobs ROBOT` lists them); of a trajectory file: interpolate=spline, linear"
         " or stop, ramps_s=SECONDS, units=rad,m, elbow=right or left, law=fastest; with law=fastest"
         " left_percent=PERCENT; of a file that a step of programs runs: a key of the step. Repeatable"
-        " (docs/trajectory-files.md, docs/programs.md).",
+        " (docs/motions.md, docs/programs.md).",
         "--option",
         "-o",
     )

@@ -129,10 +129,14 @@ WAIT_MAX_S: Final = 3600.0
 
 @dataclass(slots=True)
 class Composer:
-    """A sequence under construction, which begins at `joints`, of shape (joints,); `sequence` returns it.
+    """A sequence of moves under construction; `sequence` returns it.
 
-    Each move begins at the end of the previous one, and `joints` is the position reached. Every move raises InputError
-    if the robot cannot make it; times in messages count from the start of the sequence.
+    Each move begins at the end of the previous one. Every move raises InputError if the robot cannot make it. Times in
+    messages count from the start of the sequence.
+
+    Attributes:
+        robot: robot that moves.
+        joints: joint positions reached, in mm and degrees, shape (joints,); at first the start of the sequence.
     """
 
     robot: Robot

@@ -6,7 +6,7 @@ interpolations. With velocities it consists of cubics, and the times are whole m
 
 CSV has a header `t,<joint>,...` with the joints in any order, and for velocities a column `v_<joint>` for each. JSON
 has `joint_names`, and `points` with `positions`, `time_from_start` and optional `velocities`. In place of the joints
-both may have the tool's coordinates x, y, z and phi. docs/trajectory-files.md describes all of it.
+both may have the tool's coordinates x, y, z and phi. docs/motions.md describes all of it.
 """
 
 from io import StringIO
