@@ -1,4 +1,4 @@
-"""Render docs/conform.md: the table of the checks of a CANopen node."""
+"""Render docs/masters.md: the table of the checks of a CANopen node."""
 
 from typing import Final
 
@@ -15,4 +15,4 @@ def _checks() -> str:
     return table(["check", "group", "clause", "asks", "needs"], rows, text_columns=5)
 
 
-CONFORM_PAGE: Final = GeneratedPage("conform", "the checks in features/conform/", {"checks": lambda _: _checks()})
+MASTERS_PAGE: Final = GeneratedPage("masters", "the checks in features/conform/", {"checks": lambda _: _checks()})

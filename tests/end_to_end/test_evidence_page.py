@@ -1,4 +1,4 @@
-"""docs/hardware.md: its commands are valid, and it names exactly the objects that the commands use."""
+"""docs/evidence.md, real boards: its commands are valid, and it names exactly the objects that the commands use."""
 
 import re
 import shlex
@@ -11,7 +11,7 @@ from steptwin.protocol import od
 from steptwin.protocol.objects import OBJECTS
 from tests.end_to_end.pages import ROOT, blocks_of, read_page
 
-PAGE = read_page("docs/hardware.md")
+PAGE = read_page("docs/evidence.md").partition("\n## With a real board\n")[2].partition("\n## ")[0]
 ADAPTERS = [
     shlex.split(line, comments=True)
     for language, block in blocks_of(PAGE)
