@@ -118,6 +118,7 @@ SEARCHED = {
     "report.json": "run-folder",
 }
 """What a user asks for, and the page that should be found first."""
+FIRST_LINK = "return document.querySelector('ul.search li a')?.getAttribute('href')"
 
 
 @pytest.mark.skipif(CHROMIUM is None or DRIVER is None, reason="Chromium and its driver are not installed")
@@ -126,9 +127,8 @@ def test_the_search_finds_the_obvious_page_first(site: Path) -> None:
     with open_browser() as browser:
         for question in SEARCHED:
             browser.driver.get(f"{(site / 'search.html').as_uri()}?q={quote(question)}")
-            first_link = "return document.querySelector('ul.search li a')?.getAttribute('href')"
-            browser.until(lambda: browser.run(first_link) is not None)
-            first = browser.run(first_link)
+            browser.until(lambda: browser.run(FIRST_LINK) is not None)
+            first = browser.run(FIRST_LINK)
             found[question] = PurePosixPath(urlsplit(first).path).stem
     assert found == SEARCHED
 
