@@ -54,6 +54,10 @@ USES: Final = {
         "tests/package/test_public_names.py",
     ),
     "papers": (
+        "tests/features/calibration/test_calibration_commands.py",
+        "tests/features/calibration/test_files.py::TestErrorsInARobotFile::test_what_is_wrong",
+        "tests/features/campaigns/test_docs.py",
+        "tests/features/faults/test_users.py::test_the_python_of_the_page",
         "tests/host/cli/test_check_robot.py::test_a_renamed_joint_is_said_to_be_missing",
         "tests/host/cli/test_new.py::test_wrong_settings_write_nothing[words0]",
         "tests/host/cli/test_new.py::test_wrong_settings_write_nothing[words1]",
@@ -175,7 +179,7 @@ def words_of(gone: Sequence[str]) -> re.Pattern[str]:
         rf"\b(?:steptwin|tests)\.features\.(?:{'|'.join(gone)})\.",
         *(rf"\b{robot}\b" for robot in robots if robot not in STAND_INS),
         *(rf"""kind\W+{kind}\b""" for kind in sorted(kinds)),
-        *(rf"(?:^|\s|`){job}(?:$|\s|`)" for job in sorted(jobs)),
+        *(rf"(?:^|[\s`\"]){job}(?:$|[\s`\"])" for job in sorted(jobs)),
     ]
     return re.compile("|".join(words))
 
