@@ -28,6 +28,7 @@ PAGES: Final = (
     "tests/end_to_end/test_help.py",
     "tests/end_to_end/test_hostile_files.py::TestEscapes::test_of_words_of_the_command_line",
     "tests/end_to_end/test_written_commands.py",
+    "tests/features/papers/test_pages.py",
 )
 """Tests of pages, of all commands and of all jobs."""
 USES: Final = {
