@@ -28,6 +28,7 @@ PAGES: Final = (
     "tests/end_to_end/test_help.py",
     "tests/end_to_end/test_hostile_files.py::TestEscapes::test_of_words_of_the_command_line",
     "tests/end_to_end/test_written_commands.py",
+    "tests/features/papers/test_pages.py",
 )
 """Tests of pages, of all commands and of all jobs."""
 USES: Final = {
@@ -57,6 +58,15 @@ USES: Final = {
         "tests/package/test_public_names.py",
     ),
     "papers": (
+        "tests/end_to_end/test_calibration_page.py::test_the_program_runs",
+        "tests/end_to_end/test_files.py::TestARobotOfOnesOwn::test_has_other_dimensions_in_fk_ik_and_jobs",
+        "tests/end_to_end/test_hardware_page.py",
+        "tests/end_to_end/test_narrow_terminal.py::test_the_report_of_a_run_fits[teaching-scara]",
+        "tests/end_to_end/test_programs.py::test_no_example_is_left_out",
+        "tests/features/calibration/test_calibration_commands.py",
+        "tests/features/calibration/test_files.py::TestErrorsInARobotFile::test_what_is_wrong",
+        "tests/features/campaigns/test_docs.py::test_the_nightly_campaign_has_every_fault",
+        "tests/features/faults/test_users.py::test_the_python_of_the_page",
         "tests/host/cli/test_check_robot.py::test_a_renamed_joint_is_said_to_be_missing",
         "tests/host/cli/test_new.py::test_wrong_settings_write_nothing[words0]",
         "tests/host/cli/test_new.py::test_wrong_settings_write_nothing[words1]",
@@ -178,7 +188,7 @@ def words_of(gone: Sequence[str]) -> re.Pattern[str]:
         rf"\b(?:steptwin|tests)\.features\.(?:{'|'.join(gone)})\.",
         *(rf"\b{robot}\b" for robot in robots if robot not in STAND_INS),
         *(rf"""kind\W+{kind}\b""" for kind in sorted(kinds)),
-        *(rf"(?:^|\s|`){job}(?:$|\s|`)" for job in sorted(jobs)),
+        *(rf"(?:^|[\s`\"]){job}(?:$|[\s`\"])" for job in sorted(jobs)),
     ]
     return re.compile("|".join(words))
 
