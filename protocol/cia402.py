@@ -151,6 +151,8 @@ class AbortConnection(IntEnum):
     QUICK_STOP = 3
 
 
+LINEAR_SUBMODE = 0
+"""Interpolation sub mode (60C0h) of set-points at each SYNC, connected linearly."""
 PVT_SUBMODE = -1
 """Interpolation sub mode (60C0h) of position-velocity-time records; negative values are manufacturer-specific."""
 

@@ -255,6 +255,8 @@ class ObjectDictionary:
         }
         self._cells = {address: Cell(ENTRIES[address]) for address in _PURE_NUMBERS} | self._quantities
         self._texts: dict[int, str] = {}
+        self.on_write: Callable[[int], None] = lambda _address: None
+        """Called with each address that has been written by `write`."""
         self.reset()
 
     def renumber(self, node_id: int) -> None:
@@ -366,10 +368,11 @@ class ObjectDictionary:
             if any(not 0x20 <= byte <= 0x7E for byte in text):
                 raise SdoAbortError(AbortCode.VALUE_RANGE)
             self._texts[address] = text.decode("ascii")
-            return
-        if len(data) < size:
+        elif len(data) < size:
             raise SdoAbortError(AbortCode.LENGTH_TOO_LOW)
-        self._cells[address].put(decode(data_type, data))
+        else:
+            self._cells[address].put(decode(data_type, data))
+        self.on_write(address)
 
     def size_to_write(self, address: int) -> int:
         """Return the number of bytes that a write to an entry must have; for a string, may have at most.

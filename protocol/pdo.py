@@ -87,6 +87,7 @@ _STAGES: Final = {
     od.MODE_OF_OPERATION: ImageStage.MODE,
     od.TARGET_POSITION: ImageStage.TARGET,
     od.TARGET_VELOCITY: ImageStage.TARGET,
+    od.INTERPOLATION_SET_POINT: ImageStage.TARGET,
     od.CONTROLWORD: ImageStage.CONTROLWORD,
 }
 

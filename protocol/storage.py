@@ -26,6 +26,8 @@ _SAVE, _LOAD = (int.from_bytes(word, "little") for word in (b"save", b"load"))
 _PROFILE_LIMITS = frozenset((od.PROFILE_VELOCITY, od.END_VELOCITY, od.PROFILE_ACCELERATION, od.PROFILE_DECELERATION))
 """Entries that are stored although a PDO may write them: they cause no motion by themselves."""
 _STATES = (od.ERROR_HISTORY_COUNT, od.CHARGE_TOKEN, od.EMERGENCY_STOP, od.GROUP_RATE_Q16, od.GROUP_RATE_HIGHEST_Q16)
+_CONFIGURATION = od.CONFIGURATION_DATE, od.CONFIGURATION_TIME
+"""Entries that name the configuration (1020h); a change of any other parameter sets them to 0."""
 _NO_PARAMETERS = frozenset((*_STATES, *od.STORES, *od.RESTORES))
 
 
@@ -51,6 +53,12 @@ class ParameterStorage:
         self._page = page
         self._busy = busy
         dictionary.bind(self)
+        dictionary.on_write = self._written
+
+    def _written(self, address: int) -> None:
+        if address not in _CONFIGURATION and _is_parameter(address, self._dictionary.entries[address]):
+            for each in _CONFIGURATION:
+                self._dictionary.set(each, 0)
 
     def save_at(self, address: int, signature: int) -> None:
         """Store the parameters of the group that an entry of 1010h names."""

@@ -18,7 +18,16 @@ from steptwin.controller.node.stops import DISABLES, QUICK_STOPS, SHUTDOWNS, Axi
 from steptwin.controller.node.supervision import Supervision
 from steptwin.controller.node.touch_probe import TouchProbes
 from steptwin.protocol import cia402, od
-from steptwin.protocol.cia402 import AbortConnection, Control, DigitalInput, ErrorCode, Mode, State, Status
+from steptwin.protocol.cia402 import (
+    LINEAR_SUBMODE,
+    AbortConnection,
+    Control,
+    DigitalInput,
+    ErrorCode,
+    Mode,
+    State,
+    Status,
+)
 from steptwin.protocol.entry import DataType
 from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
@@ -103,6 +112,11 @@ class AxisDrive:
         self.mode_number = int(Mode.NONE)
         self.interpolation.restart()
         self._enter(State.SWITCH_ON_DISABLED)
+
+    def apply_parameters(self) -> None:
+        """Use the parameters that a reset has loaded."""
+        self.settings.apply()
+        self._take_submode(self._dictionary.get(od.INTERPOLATION_SUBMODE))
 
     @property
     def mode(self) -> DriveMode:
@@ -197,6 +211,18 @@ class AxisDrive:
             if self.state is State.OPERATION_ENABLED:
                 # With the same word twice the new mode sees levels but no edge: no old bit starts a motion.
                 self.mode.control(self._controlword, self._controlword)
+
+    def select_submode(self, submode: int) -> None:
+        """Change the interpolation sub mode (60C0h); refuse it while interpolation is enabled or the axis moves."""
+        if submode == self._dictionary.get(od.INTERPOLATION_SUBMODE):
+            return
+        interpolates = self.mode_number == Mode.INTERPOLATED_POSITION and self.state is State.OPERATION_ENABLED
+        if interpolates or self._motion.running:
+            raise SdoAbortError(AbortCode.DEVICE_STATE)
+        self._take_submode(submode)
+
+    def _take_submode(self, submode: int) -> None:
+        self._modes[Mode.INTERPOLATED_POSITION] = self._cyclic if submode == LINEAR_SUBMODE else self.interpolation
 
     def change_units_at(self, address: int, value: int) -> None:
         """Change a factor of the user units (6091h, 6092h) or their SI unit (60A8h); refuse if motion is possible.

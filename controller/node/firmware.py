@@ -27,8 +27,10 @@ from steptwin.protocol.frame import (
     COB_NMT,
     COB_SDO_REQUEST,
     COB_SYNC,
+    COB_TIME,
     FIRST_NODE_ID,
     NODE_ID_MAX,
+    REMOTE,
     Frame,
 )
 from steptwin.protocol.lss import COB_LSS_REQUEST
@@ -143,7 +145,7 @@ class Firmware:
             self._end_call(now_counts)
 
     def hears(self, cob_id: int) -> bool:
-        """Return whether the CAN controller's filters pass a COB-ID: NMT, SYNC, LSS or a service of the nodes.
+        """Return whether the CAN controller's filters pass a COB-ID: NMT, SYNC, TIME, LSS or a service of the nodes.
 
         By default these are blocks of eight COB-IDs with one mask each. The 14 filter banks of bxCAN hold 28 masks or
         56 identifiers (RM0008, section 24.7.4).
@@ -172,12 +174,14 @@ class Firmware:
         self._routes = {
             COB_LSS_REQUEST: [(node, node.on_lss) for node in self.nodes],
             COB_SYNC: [(node, node.on_sync) for node in self.nodes],
+            COB_TIME: [(node, node.on_time) for node in self.nodes],
         }
         for node in self.nodes:
             node.routes_changed = False
         nodes = [node for node in self.nodes if node.configured]
         for node in nodes:
             self._routes.setdefault(COB_SDO_REQUEST + node.node_id, []).append((node, node.on_sdo))
+            self._routes.setdefault(REMOTE | COB_HEARTBEAT + node.node_id, []).append((node, node.on_guarding))
         for node in nodes:
             for number, pdo in enumerate(node.process_data.receive_pdos):
                 if pdo.exists:
