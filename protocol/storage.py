@@ -15,6 +15,7 @@ from typing import Final, TypeVar
 from steptwin.protocol import od
 from steptwin.protocol.dictionary import TEXT_BYTES_MAX, FlashPage, ObjectDictionary
 from steptwin.protocol.entry import Access, DataType, Entry, Mapping
+from steptwin.protocol.objects import ENTRIES
 from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
 NO_NAME: Final = 0
@@ -64,7 +65,7 @@ class ParameterStorage:
         """Store the parameters of the group that an entry of 1010h names."""
         self._check(signature, _SAVE)
         first, last = _GROUPS[od.STORES.index(address)]
-        for place, entry in self._dictionary.entries.items():
+        for place, entry in ENTRIES.items():
             if not (first <= place >> 8 <= last and _is_parameter(place, entry)):
                 continue
             if entry.data_type is DataType.VISIBLE_STRING:

@@ -29,6 +29,9 @@ of a unit for the next period. The rest is as in position mode, except that a ve
 to it (bit 11), as in profile velocity mode. Each stop resets the target velocity to 0. There is no velocity offset
 (60B1h).
 
+In some drives cyclic modes need no SYNC. Then each set-point counts as if its SYNC came with it, and a slot without one
+holds the last set-point; nothing is lost.
+
 Interpolated position with the sub mode "linear" (60C0h = 0) is as position mode, with two differences. The set-points
 are those of 2011h. The axis follows while bit 4 of the controlword is set; when the bit falls, it stops by a ramp.
 
@@ -145,6 +148,9 @@ class CyclicPosition(DriveMode):
         self._trip = context.trip
         self._records = records
         self._stop = stop
+        self._at_arrival = context.dictionary.traits.targets_at_arrival
+        """True if each target acts when it is written, as a set-point whose SYNC comes with it."""
+        self._arrived = False
         self._enabled = False
         """True while the drive is in OPERATION ENABLED in this mode and not halted."""
         self._following = False
@@ -170,13 +176,17 @@ class CyclicPosition(DriveMode):
     def note_set_point_at(self, address: int, _value: int) -> None:
         """Record that a target position or velocity is written; the mode determines which one is the set-point."""
         self._written.add(address)
-        if not self._enabled:
+        if self._at_arrival or not self._enabled:
+            self._arrived = self._at_arrival
             self._fresh.add(address)
             self._context.touch()
 
     def end_image(self) -> None:
         """End a process image: a set-point of an earlier image does not start a motion."""
         self._fresh.clear()
+        if self._arrived:
+            self._arrived = False
+            self.on_sync()
 
     def check_period(self, _period_ms: int) -> None:
         """Refuse a change of the period while the axis follows."""
@@ -307,7 +317,7 @@ class CyclicPosition(DriveMode):
     def _bridged(self, received: _SlotReceptions) -> int | None:
         """Return a point at constant velocity for a missing set-point; None if too many are missing."""
         last, before, _ = self._points_units
-        if received.sync and last == before:
+        if (received.sync and last == before) or self._at_arrival:
             return last
         self._bridged_slots += 1
         self._lost += _LOST

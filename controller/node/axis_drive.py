@@ -116,6 +116,7 @@ class AxisDrive:
     def apply_parameters(self) -> None:
         """Use the parameters that a reset has loaded."""
         self.settings.apply()
+        self.mode_number = self._dictionary.get(od.MODE_OF_OPERATION)
         self._take_submode(self._dictionary.get(od.INTERPOLATION_SUBMODE))
 
     @property

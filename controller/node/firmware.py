@@ -35,6 +35,7 @@ from steptwin.protocol.frame import (
 )
 from steptwin.protocol.lss import COB_LSS_REQUEST
 from steptwin.protocol.nmt import command_for
+from steptwin.protocol.object_view import ObjectView
 from steptwin.protocol.timer import COUNTS_PER_US
 
 AXES_MAX: Final = 8
@@ -67,6 +68,7 @@ class Firmware:
         axis_count: int,
         flash: list[FlashPage] | None = None,
         first_node_id: int = FIRST_NODE_ID,
+        view: ObjectView | None = None,
     ) -> None:
         """Power up.
 
@@ -75,6 +77,7 @@ class Firmware:
             axis_count: number of axes, 1 to 8.
             flash: one page for each axis, read at boot and written when the host stores parameters.
             first_node_id: default node id of the first axis; the other axes have the next ids. LSS may change them.
+            view: objects that the bus sees in place of those of `od`; None for these.
 
         Raises:
             ValueError: the number of axes or a node id is out of range.
@@ -103,6 +106,7 @@ class Firmware:
             list(factory_ids),
             self._inputs,
             self.bit_timing,
+            view,
         )
         self.nodes: tuple[AxisNode, ...] = tuple(
             AxisNode(axis, factory_ids[axis], page, board) for axis, page in enumerate(pages)

@@ -212,7 +212,7 @@ class NodeObjects:
         cell = self._cells.get(address)
         return 0 if cell is None else cell.value
 
-    def cell(self, address: int) -> NodeCell:
+    def bus_cell(self, address: int) -> NodeCell:
         """Return the cell of a number; raise KeyError if the address has none."""
         return self._cells[address]
 
