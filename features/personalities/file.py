@@ -211,7 +211,7 @@ def _read(given: str, folder: Path, bases_left: int) -> PersonalityFile:
             path = _DRIVES / f"{given}{SUFFIX}"
         else:
             near = str(unknown("", given, personality_names())).lstrip()
-            raise InputError(f"{near}; the name of a file ends in {SUFFIX}")
+            raise InputError(f"{near} (a file's name ends in {SUFFIX})")
         read = read_toml(PersonalityFile, read_text(path, FILE_BYTES_MAX))
         if not read.base:
             return read

@@ -67,7 +67,6 @@ _MAPPINGS: Final = {
     MapName.TX: PdoMapping.TRANSMIT,
     MapName.BOTH: PdoMapping.BOTH,
 }
-_STEPTWIN_OBJECTS: Final = range(0x2000, 0x6000)
 
 
 def read_place(text: str) -> int:
@@ -221,8 +220,6 @@ def _row(address: int, table: ObjectTable, sources: Mapping[str, str]) -> Person
         raise InputError(
             f"the firmware has no {od.place_text(place)}: behind constant, store or refuse stands no object"
         )
-    if behind is Behind.FIRMWARE and place >> 8 in _STEPTWIN_OBJECTS and place == address:
-        raise InputError(f"of: is missing; {od.place_text(place)} is an object of StepTwin's own")
     given = {
         "title": table.name,
         "data_type": table.type and _TYPES[table.type],
