@@ -14,6 +14,7 @@ from docs.generate.machine_pages import (
 )
 from docs.generate.motion_pictures import write_motion_pictures
 from docs.generate.paper_pages import write_papers
+from docs.generate.personalities_page import PERSONALITIES_PAGE
 from docs.generate.pictures import (
     write_calibration_picture,
     write_machine_pictures,
@@ -37,6 +38,7 @@ def main() -> None:
     FAULTS_PAGE.write()
     GCODE_PAGE.write()
     MACHINE_PAGE.write_text(render_machine_options(), encoding="utf-8")
+    PERSONALITIES_PAGE.write()
     PROTOCOL_PAGE.write()
     ROBOT_FILES_PAGE.write()
     RUN_FOLDER_PAGE.write()

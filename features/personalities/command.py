@@ -41,7 +41,6 @@ def personality(
 
 def listed(made: Personality) -> list[dict[str, str]]:
     """Return a table of a personality's entries, without the parameters of PDOs."""
-    places = {index for first in (0x1400, 0x1600, 0x1800, 0x1A00) for index in range(first, first + 0x200)}
     return [
         {
             "object": od.place_text(address),
@@ -51,8 +50,13 @@ def listed(made: Personality) -> list[dict[str, str]]:
             "source": row.source,
         }
         for address, row in sorted(made.rows.items())
-        if address >> 8 not in places
+        if not is_pdo_parameter(address)
     ]
+
+
+def is_pdo_parameter(address: int) -> bool:
+    """Return whether an entry is a parameter of a PDO."""
+    return 0x1400 <= address >> 8 < 0x1C00
 
 
 def behind_text(address: int, row: PersonalityRow) -> str:

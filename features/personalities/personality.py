@@ -217,9 +217,7 @@ def _row(address: int, table: ObjectTable, sources: Mapping[str, str]) -> Person
             place = read_place(table.of)
     own = ENTRIES.get(place)
     if behind is Behind.FIRMWARE and own is None:
-        raise InputError(
-            f"the firmware has no {od.place_text(place)}: behind constant, store or refuse stands no object"
-        )
+        raise InputError(f"the firmware has no {od.place_text(place)}; behind may be constant, store or refuse")
     given = {
         "title": table.name,
         "data_type": table.type and _TYPES[table.type],

@@ -20,6 +20,7 @@ from docs.generate.machine_pages import (
     render_machine_options,
 )
 from docs.generate.paper_pages import PAPERS
+from docs.generate.personalities_page import PERSONALITIES_PAGE
 from docs.generate.pictures import WAVEFORM_PAGE
 from docs.generate.protocol import PROTOCOL_PAGE
 from docs.generate.robot_drawings import ROBOT_FILES_PAGE, drawing
@@ -68,6 +69,10 @@ def test_the_page_of_conformance_is_up_to_date() -> None:
 
 def test_the_page_of_the_control_port_is_up_to_date() -> None:
     assert CONTROL_PORT_PAGE.render() == CONTROL_PORT_PAGE.path.read_text(encoding="utf-8")
+
+
+def test_the_page_of_personalities_is_up_to_date() -> None:
+    assert PERSONALITIES_PAGE.render() == PERSONALITIES_PAGE.path.read_text(encoding="utf-8")
 
 
 def test_the_page_of_gcode_is_up_to_date() -> None:
