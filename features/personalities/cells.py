@@ -1,17 +1,16 @@
 """The cells behind the objects of a personality: a firmware object, a constant, a store or a refusal."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Final
+from dataclasses import dataclass
+from typing import Final
 
+from steptwin.features.personalities.file import Behind
 from steptwin.features.personalities.units import DriveUnits
 from steptwin.protocol import od
 from steptwin.protocol.dictionary import UserUnit
 from steptwin.protocol.entry import QUANTITIES, Entry, EntryUnit
 from steptwin.protocol.object_view import FirmwareCell
 from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
-
-if TYPE_CHECKING:
-    from steptwin.features.personalities.personality import PersonalityRow
 
 UNIT_WORDS: Final = {
     od.address_of(0x60A8): EntryUnit.POSITION,
@@ -20,6 +19,25 @@ UNIT_WORDS: Final = {
 }
 """Role of the unit that an entry's word names."""
 _GEAR: Final = od.GEAR_MOTOR_REVOLUTIONS, od.GEAR_SHAFT_REVOLUTIONS
+
+
+@dataclass(frozen=True, slots=True)
+class PersonalityRow:
+    """One entry of a personality.
+
+    Attributes:
+        entry: the entry, as the bus sees it.
+        behind: what stands behind it.
+        firmware: address of the firmware's object behind it; None for others.
+        codes: the firmware's values for some of the bus.
+        source: where its values come from.
+    """
+
+    entry: Entry
+    behind: Behind
+    firmware: int | None
+    codes: Mapping[int, int]
+    source: str
 
 
 class StoreCell:
@@ -76,7 +94,7 @@ class FirmwareObject(StoreCell):
     `value` is the last number that the bus has written. The bus reads it as long as the firmware has what came of it.
     """
 
-    def __init__(self, row: "PersonalityRow", firmware: FirmwareCell) -> None:
+    def __init__(self, row: PersonalityRow, firmware: FirmwareCell) -> None:
         super().__init__(row.entry)
         self._address = row.firmware
         self._codes = row.codes
@@ -124,7 +142,7 @@ class QuantityObject(FirmwareObject):
     "off". If the unit changes, the number stays, and the firmware gets its new value.
     """
 
-    def __init__(self, row: "PersonalityRow", firmware: FirmwareCell) -> None:
+    def __init__(self, row: PersonalityRow, firmware: FirmwareCell) -> None:
         super().__init__(row, firmware)
         self.role = row.entry.unit
         self._unit = UserUnit()

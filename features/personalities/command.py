@@ -1,7 +1,8 @@
 """`steptwin personality [NAME]`: the objects of a drive that a board can show, or their EDS."""
 
+from steptwin.features.personalities.cells import PersonalityRow
 from steptwin.features.personalities.file import Behind, personality_names
-from steptwin.features.personalities.personality import Personality, PersonalityRow, load_personality
+from steptwin.features.personalities.personality import Personality, load_personality
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AnswerOptions
 from steptwin.host.cli.options import argument, switch

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 from typing import Final
@@ -10,6 +10,7 @@ from typing import Final
 from steptwin.features.personalities.cells import (
     UNIT_ENTRIES,
     FirmwareObject,
+    PersonalityRow,
     QuantityObject,
     RefusingCell,
     StoreCell,
@@ -75,25 +76,6 @@ def read_place(text: str) -> int:
     if found is None:
         raise InputError(f"{text!r} is no object such as 6081 or 6099:01")
     return od.address_of(int(found[1], 16), int(found[2] or "0", 16))
-
-
-@dataclass(frozen=True, slots=True)
-class PersonalityRow:
-    """One entry of a personality.
-
-    Attributes:
-        entry: the entry, as the bus sees it.
-        behind: what stands behind it.
-        firmware: address of the firmware's object behind it; None for others.
-        codes: the firmware's values for some of the bus.
-        source: where its values come from.
-    """
-
-    entry: Entry
-    behind: Behind
-    firmware: int | None
-    codes: Mapping[int, int]
-    source: str
 
 
 class Personality:
@@ -218,23 +200,12 @@ def _row(address: int, table: ObjectTable, sources: Mapping[str, str]) -> Person
     own = ENTRIES.get(place)
     if behind is Behind.FIRMWARE and own is None:
         raise InputError(f"the firmware has no {od.place_text(place)}; behind may be constant, store or refuse")
-    given = {
-        "title": table.name,
-        "data_type": table.type and _TYPES[table.type],
-        "access": table.access and _ACCESS[table.access],
-        "mapping": table.map and _MAPPINGS[table.map],
-        "default": table.default if table.text is None else table.text,
-        "plus_node_id": table.plus_node_id,
-        "low": table.low,
-        "high": table.high,
-        "values": table.values,
-    }
     if own is None:
-        for key, attribute in (("name", "title"), ("type", "data_type"), ("access", "access")):
-            if given[attribute] is None:
+        for key in ("name", "type", "access"):
+            if getattr(table, key) is None:
                 raise InputError(f"{key}: is missing, and the firmware has no such object that has it")
         own = Entry("", DataType.UNSIGNED8, Access.READ_ONLY)
-    entry = replace(own, read="", write="", **{key: value for key, value in given.items() if value is not None})
+    entry = _with_given(own, table)
     if behind is not Behind.FIRMWARE:
         entry = replace(entry, unit=EntryUnit.NONE, title=entry.name)
     if behind is Behind.CONSTANT and entry.access is Access.READ_WRITE:
@@ -249,14 +220,40 @@ def _row(address: int, table: ObjectTable, sources: Mapping[str, str]) -> Person
     return PersonalityRow(entry, behind, place if behind is Behind.FIRMWARE else None, codes, source)
 
 
+def _with_given(own: Entry, table: ObjectTable) -> Entry:
+    """Return an entry with what a table gives in place of the firmware's values."""
+    entry = replace(own, read="", write="")
+    if table.name is not None:
+        entry = replace(entry, title=table.name)
+    if table.type is not None:
+        entry = replace(entry, data_type=_TYPES[table.type])
+    if table.access is not None:
+        entry = replace(entry, access=_ACCESS[table.access])
+    if table.map is not None:
+        entry = replace(entry, mapping=_MAPPINGS[table.map])
+    if table.plus_node_id is not None:
+        entry = replace(entry, plus_node_id=table.plus_node_id)
+    if table.values is not None:
+        entry = replace(entry, values=table.values)
+    default = table.default if table.text is None else table.text
+    return replace(
+        entry,
+        default=own.default if default is None else default,
+        low=own.low if table.low is None else table.low,
+        high=own.high if table.high is None else table.high,
+    )
+
+
 def _within_type(entry: Entry, own: Entry) -> Entry:
-    """Return an entry without limits of the firmware's object that another type or other values make meaningless."""
-    if entry.data_type is not own.data_type:
-        limits = {key: None for key in ("low", "high", "values") if getattr(entry, key) is getattr(own, key)}
-        return replace(entry, **limits)  # type: ignore[arg-type]
-    if entry.values is not own.values or (entry.low, entry.high) != (own.low, own.high):
-        return replace(entry, values=None if entry.values is own.values else entry.values)
-    return entry
+    """Return an entry without the firmware's limits if its type is another one."""
+    if entry.data_type is own.data_type:
+        return entry
+    return replace(
+        entry,
+        low=None if entry.low is own.low else entry.low,
+        high=None if entry.high is own.high else entry.high,
+        values=None if entry.values is own.values else entry.values,
+    )
 
 
 def _check_default(entry: Entry) -> None:

@@ -75,10 +75,8 @@ WRONG = {
     "no-type": OWN.replace('type = "u16", ', ""),
     "beyond-limits": OWN.replace("default = 7", "default = 70000"),
     "no-default": OWN.replace("default = 3000, ", ""),
-    "a-unit-of-length": OWN.replace(
-        "2100 = {",
-        '60A9 = { behind = "store", type = "u32", access = "rw", name = "Unit", default = 0x0001_0300, source = "MINE" }\n2100 = {',
-    ),
+    "a-unit-of-length": OWN
+    + '60A9 = { behind = "store", type = "u32", access = "rw", name = "a", default = 0x0001_0300, source = "MINE" }\n',
     "hidden-and-shown": OWN.replace("[objects]", "[hidden]\n6081 = 5\n\n[objects]"),
     "no-base": OWN.replace('base = "epos4"', ""),
     "unmappable": OWN
