@@ -48,6 +48,8 @@ _FOLLOWING_MODES: Final = (
 """Modes in which bit 13 of the statusword is the following error."""
 
 
+_ENABLING: Final = (State.READY_TO_SWITCH_ON, State.SWITCHED_ON, State.OPERATION_ENABLED)
+"""States that no command reaches while safe torque off is requested."""
 _KEEPS_UNITS: Final = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE)
 """States in which the user units cannot change, because targets may arrive. (CiA 402-2 does not regulate this.)"""
 
@@ -164,6 +166,8 @@ class AxisDrive:
         if target is self.state:
             return
         if self._stop_command and not leads_further(target, self._stop_command):
+            return
+        if self.supervision.torque_off and target in _ENABLING:
             return
         if target is State.OPERATION_ENABLED and self._enable_due_us is not None:
             return  # which comes when the driver has settled
@@ -350,14 +354,30 @@ class AxisDrive:
         if inputs & ~self.supervision.inputs & DigitalInput.ESTOP:
             self._count_fault()
         self._probes.inputs_changed(self.supervision.inputs, inputs)
+        torque_changed = (inputs ^ self.supervision.inputs) & DigitalInput.TORQUE_OFF
         self.supervision.inputs = inputs
         self._context.changed(od.DIGITAL_INPUTS)
+        if torque_changed:
+            self._change_torque_off()
         if self.energised:
             self.supervision.check()
             if not self.mode.seeks_switches:
                 self.supervision.check_limits()
         if self._enabled and self.mode.switches_at == self.axis:
             self.mode.inputs_changed(inputs)
+
+    def _change_torque_off(self) -> None:
+        """React to a request of safe torque off (STO), or to its end: report it, and end pulses and ENABLE at once."""
+        if not self.supervision.torque_off:
+            self._context.errors.resolved(ErrorCode.TORQUE_OFF)
+            return
+        self._context.errors.report(ErrorCode.TORQUE_OFF, 0)
+        if self._motion.running:
+            self.stop.cut()
+        if self.energised:
+            self._enter(State.FAULT if self.state is State.FAULT_REACTION_ACTIVE else State.SWITCH_ON_DISABLED)
+        elif self.state is State.READY_TO_SWITCH_ON:
+            self._enter(State.SWITCH_ON_DISABLED)
 
     def watch_other_switches(self) -> None:
         """Let the mode check the switches that it monitors at another axis."""
@@ -401,7 +421,7 @@ class AxisDrive:
     def statusword(self) -> int:
         """Return the statusword (6041h): the bits of state, drive and mode."""
         word = self.state.bits
-        if self.supervision.supplied:
+        if self.supervision.supplied and not self.supervision.torque_off:
             word |= Status.VOLTAGE_ENABLED
         if self._context.reference.known:
             word |= Status.POSITION_KNOWN

@@ -333,6 +333,7 @@ class Board:
             self.measurements.temperature_decidegc,
             tuple(map(AxisEnvironment, self.inputs.levels, self.inputs.stuck, self._held_protects, self._shorted)),
             self.can.bitrate,
+            torque_off=self.inputs.torque_off,
         )
 
     def measure(self, measurements: BoardReadings, now_counts: int) -> None:
