@@ -10,7 +10,7 @@ from steptwin.host.cli.output import print_table, print_text
 from steptwin.protocol import od
 
 
-@command("", "epos4", "epos4 --eds > epos4.eds")
+@command("epos4", "epos4 --eds > epos4.eds")
 def personality(
     answer: AnswerOptions,
     name: str | None = argument("NAME|FILE", "Name of a personality, or its file; without one, all are named."),
