@@ -33,6 +33,7 @@ USES: Final = {
         "tests/package/test_wheel.py",
         "tests/test_promises.py",
     ),
+    "conform": ("tests/features/personalities/test_described.py",),
     "faults": (
         "tests/end_to_end/test_foreign_folders.py::test_a_pipe_or_a_device_is_not_read",
         "tests/end_to_end/test_readme.py",
@@ -58,6 +59,7 @@ USES: Final = {
         "tests/host/cli/test_machine_options.py::test_a_key_that_is_wrong",
         "tests/package/test_public_names.py",
     ),
+    "nodes": ("tests/features/personalities/test_described.py",),
     "shelf": (
         "tests/end_to_end/test_bad_input.py::test_one_line_and_exit_code_2[job]",
         "tests/end_to_end/test_bad_input.py::test_one_line_and_exit_code_2[kind of file]",
