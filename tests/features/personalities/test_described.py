@@ -69,6 +69,7 @@ def test_each_value_is_the_eds_default(name: str, fast_kernel: Kernel, tmp_path:
         assert variable.decode_raw(read) == variable.default, f"{address:06X}"
 
 
+@pytest.mark.slow
 @each_personality
 def test_canopen_s_drive_profile_moves_it(name: str, fast_kernel: Kernel, tmp_path: Path) -> None:
     """`BaseNode402` of python-canopen, unmodified, in profile position mode."""
