@@ -111,6 +111,8 @@ class DigitalInput(IntFlag):
     """IN1 and IN2 are at the axis' connector. The drive only reports them to the host."""
     DRIVER_FAULT = 1 << 20
     """The fault output of a driver that is wired to the board reports a shutdown."""
+    TORQUE_OFF = 1 << 21
+    """Safe torque off (STO) is requested: the drivers get no pulses and no ENABLE."""
 
 
 SWITCH_INPUTS = DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LIMIT, DigitalInput.HOME
@@ -151,6 +153,8 @@ class AbortConnection(IntEnum):
     QUICK_STOP = 3
 
 
+LINEAR_SUBMODE = 0
+"""Interpolation sub mode (60C0h) of set-points at each SYNC, connected linearly."""
 PVT_SUBMODE = -1
 """Interpolation sub mode (60C0h) of position-velocity-time records; negative values are manufacturer-specific."""
 
@@ -227,6 +231,8 @@ class ErrorCode(IntEnum):
     """The driver's timing has delayed a step by more than one servo tick."""
     HOMING_FAILED = 0xFF05
     """Not a fault: the axis stops and stays enabled. The detail is a HomingError."""
+    TORQUE_OFF = 0xFF06
+    """Not a fault: safe torque off is requested, and the drive is in SWITCH ON DISABLED until the request ends."""
 
     @property
     def communication(self) -> bool:

@@ -2,9 +2,11 @@
 
 The firmware counts in wire units. A bus master reads and writes in user units (CiA 402-2, factor group). A
 `QuantityCell` converts between both: it stores wire units, and its `get` and `put` use user units.
+
+The bus sees the entries of `od`, or those of a view (`object_view`), which has cells of its own.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from math import gcd
@@ -14,6 +16,7 @@ from typing import Any, Final, NamedTuple
 from steptwin.protocol import od
 from steptwin.protocol.entry import QUANTITIES, Access, DataType, Entry, decode, encode
 from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_MASK
+from steptwin.protocol.object_view import OWN_TRAITS, DriveTraits, ObjectView, ViewedCell
 from steptwin.protocol.objects import ENTRIES
 from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
@@ -130,13 +133,13 @@ class Cell:
     The firmware uses `value` and `present`. SDO and PDO use `get` and `put`.
     """
 
-    __slots__ = ("_high", "_low", "_type", "_values", "obey", "supply", "value")
+    __slots__ = ("_type", "_values", "high", "low", "obey", "supply", "value")
 
     def __init__(self, entry: Entry) -> None:
         self.value: int = 0
         self._type = entry.data_type
-        self._low = entry.data_type.low if entry.low is None else entry.low
-        self._high = entry.data_type.high if entry.high is None else entry.high
+        self.low: int = entry.data_type.low if entry.low is None else entry.low
+        self.high: int = entry.data_type.high if entry.high is None else entry.high
         self._values = entry.values
         self.supply: Callable[[], int] | None = None
         """Returns the present value; None if the stored value is the present value."""
@@ -146,7 +149,7 @@ class Cell:
     @property
     def plain(self) -> bool:
         """True if a write needs no check and triggers nothing: it may be stored directly."""
-        bounded = (self._low, self._high) != (self._type.low, self._type.high)
+        bounded = (self.low, self.high) != (self._type.low, self._type.high)
         return not bounded and self._values is None and self.obey is None
 
     def present(self) -> int:
@@ -167,10 +170,14 @@ class Cell:
         Raises:
             SdoAbortError: the value is not allowed or the firmware refuses it.
         """
-        if not self._low <= value <= self._high:
-            raise SdoAbortError(AbortCode.VALUE_TOO_HIGH if value > self._high else AbortCode.VALUE_TOO_LOW)
+        if not self.low <= value <= self.high:
+            raise SdoAbortError(AbortCode.VALUE_TOO_HIGH if value > self.high else AbortCode.VALUE_TOO_LOW)
         if self._values is not None and value not in self._values:
             raise SdoAbortError(AbortCode.VALUE_RANGE)
+        self.command(value)
+
+    def command(self, value: int) -> None:
+        """Let the firmware act on a value, without a check of its range, then store it."""
         if self.obey is not None:
             self.obey(value)
         self.value = value
@@ -231,7 +238,7 @@ class QuantityCell(Cell):
 
     def has_number(self, unit: UserUnit) -> bool:
         """Return whether the stored value, converted to this unit, is one that may be written."""
-        return self.value == self._off or self._shown(self.value, unit) >= self._low
+        return self.value == self._off or self._shown(self.value, unit) >= self.low
 
     def _shown(self, value: int, unit: UserUnit) -> int:
         return unit.to_user(value + self._after_end) - self._after_end
@@ -245,8 +252,16 @@ class ObjectDictionary:
     connects them.
     """
 
-    def __init__(self, node_id: int, *, stored: FlashPage | None = None) -> None:
-        self.entries = ENTRIES
+    def __init__(self, node_id: int, *, stored: FlashPage | None = None, view: ObjectView | None = None) -> None:
+        self.entries: Mapping[int, Entry] = ENTRIES if view is None else view.entries
+        """The entries that the bus sees."""
+        self.traits: DriveTraits = OWN_TRAITS if view is None else view.traits
+        self._indices = _INDICES if view is None else frozenset(address >> 8 for address in view.entries)
+        self._default_texts = _TEXTS | {
+            address: str(entry.default)
+            for address, entry in self.entries.items()
+            if entry.data_type is DataType.VISIBLE_STRING
+        }
         self._node_id = node_id
         self._stored = FlashPage() if stored is None else stored
         self._quantities = {
@@ -254,7 +269,11 @@ class ObjectDictionary:
             for address in _QUANTITIES
         }
         self._cells = {address: Cell(ENTRIES[address]) for address in _PURE_NUMBERS} | self._quantities
+        self._viewed: Mapping[int, ViewedCell] = {} if view is None else view.cells(self._cells)
+        """Cells of a view; empty without one."""
         self._texts: dict[int, str] = {}
+        self.on_write: Callable[[int], None] = lambda _address: None
+        """Called with each address that has been written by `write`."""
         self.reset()
 
     def renumber(self, node_id: int) -> None:
@@ -286,10 +305,13 @@ class ObjectDictionary:
                 cells[address].value = value
         self._texts |= {
             address: stored.texts.get(address, default)
-            for address, default in _TEXTS.items()
+            for address, default in self._default_texts.items()
             if first <= address <= last
         }
         self._take_unit(self._unit())
+        for address, viewed in self._viewed.items():
+            if first <= address <= last:
+                viewed.reset(self._node_id, stored.values)
 
     def _unit(self, changes: dict[int, int] | None = None) -> UserUnit:
         return UserUnit.of({address: self._cells[address].value for address in FACTORS} | (changes or {}))
@@ -326,8 +348,12 @@ class ObjectDictionary:
         return self._texts[address]
 
     def cell(self, address: int) -> Cell:
-        """Return the cell of a numeric entry, for hot paths."""
+        """Return the firmware's cell of a numeric entry, for hot paths."""
         return self._cells[address]
+
+    def bus_cell(self, address: int) -> Cell | ViewedCell:
+        """Return the cell of a numeric entry that the bus sees."""
+        return self._viewed[address] if self._viewed else self._cells[address]
 
     def is_signed(self, address: int) -> bool:
         """Return whether a numeric entry has a sign."""
@@ -348,7 +374,7 @@ class ObjectDictionary:
             raise SdoAbortError(AbortCode.WRITE_ONLY)
         if entry.data_type is DataType.VISIBLE_STRING:
             return encode(entry.data_type, self._texts[address])
-        return encode(entry.data_type, self._cells[address].get())
+        return encode(entry.data_type, self.bus_cell(address).get())
 
     def write(self, address: int, data: bytes) -> None:
         """Write an entry from its bytes.
@@ -366,10 +392,11 @@ class ObjectDictionary:
             if any(not 0x20 <= byte <= 0x7E for byte in text):
                 raise SdoAbortError(AbortCode.VALUE_RANGE)
             self._texts[address] = text.decode("ascii")
-            return
-        if len(data) < size:
+        elif len(data) < size:
             raise SdoAbortError(AbortCode.LENGTH_TOO_LOW)
-        self._cells[address].put(decode(data_type, data))
+        else:
+            self.bus_cell(address).put(decode(data_type, data))
+        self.on_write(address)
 
     def size_to_write(self, address: int) -> int:
         """Return the number of bytes that a write to an entry must have; for a string, may have at most.
@@ -385,7 +412,7 @@ class ObjectDictionary:
     def _entry(self, address: int) -> Entry:
         entry = self.entries.get(address)
         if entry is None:
-            raise SdoAbortError(AbortCode.NO_SUBINDEX if address >> 8 in _INDICES else AbortCode.NO_OBJECT)
+            raise SdoAbortError(AbortCode.NO_SUBINDEX if address >> 8 in self._indices else AbortCode.NO_OBJECT)
         return entry
 
 

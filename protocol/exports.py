@@ -28,12 +28,12 @@ from steptwin.protocol.frame import (
     HOST_NODE_ID,
 )
 from steptwin.protocol.nmt import NmtCommand, NmtState
-from steptwin.protocol.objects import DUMMY_BITS, ENTRIES, OBJECTS, PDO_COUNT, RPDO_DEFAULTS, TPDO_DEFAULTS
+from steptwin.protocol.objects import DUMMY_BITS, ENTRIES, OBJECTS, RPDO_DEFAULTS, TPDO_DEFAULTS
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 _MANDATORY = frozenset(address >> 8 for address in (od.DEVICE_TYPE, od.ERROR_REGISTER, od.VENDOR_ID))
 _MANUFACTURER_FIRST, _MANUFACTURER_LAST = 0x2000, 0x5FFF
-_PDO_MAPPINGS = frozenset(od.RPDO_MAPPING + od.TPDO_MAPPING)
+_PDO_MAPPINGS = frozenset((*range(0x1600, 0x1800), *range(0x1A00, 0x1C00)))
 _RATES_KBIT = (10, 20, 50, 125, 250, 500, 800, 1000)
 _PDO_ACCESS = {Mapping.RECEIVE: "rww", Mapping.TRANSMIT: "rwr"}
 """Access of read-write entries that only one kind of PDO may map (CiA 306)."""
@@ -49,15 +49,55 @@ _SPEEDS = {EntryUnit.VELOCITY: 1.0, EntryUnit.PVT_VELOCITY: 1000.0 / VELOCITY_PE
 _TIMES = (EntryUnit.MS, EntryUnit.US)
 
 
-def render_eds() -> str:
-    """Return the EDS text, which is valid for every axis node: defaults with the node id read `$NODEID+...`."""
+@dataclass(frozen=True, slots=True)
+class EdsDevice:
+    """A device as its EDS describes it.
+
+    Attributes:
+        file_name: name of the file.
+        name: name of the product, which is also the file's description.
+        vendor: name of the vendor.
+        order_code: order code.
+        comment: comment of the file.
+        objects: objects in the order of their indexes; 1018h has the numbers of vendor, product and revision.
+    """
+
+    file_name: str
+    name: str
+    vendor: str
+    order_code: str
+    comment: str
+    objects: tuple[DictionaryObject, ...]
+
+    def number(self, subindex: int) -> str:
+        """Return a number of the identity (1018h)."""
+        identity = next(item for item in self.objects if item.index == od.VENDOR_ID >> 8)
+        return f"0x{identity.entries[subindex].default:X}"
+
+    def pdos(self, indexes: range) -> str:
+        """Return the number of PDOs whose communication parameters have these indexes."""
+        return str(sum(item.index in indexes for item in self.objects))
+
+
+AXIS = EdsDevice(
+    "steptwin-axis.eds",
+    "StepTwin stepper axis",
+    "StepTwin",
+    "steptwin-axis",
+    "StepTwin: a simulated STM32F103 axis with a STEP/DIR driver",
+    OBJECTS,
+)
+
+
+def render_eds(device: EdsDevice = AXIS) -> str:
+    """Return the EDS text, which is valid for every node of a device: defaults with the node id read `$NODEID+...`."""
     eds = configparser.RawConfigParser()
     eds.optionxform = str  # type: ignore[assignment,method-assign]  # keys keep their case, as configparser documents
-    eds["FileInfo"] = _file_info()
-    eds["DeviceInfo"] = _device_info()
+    eds["FileInfo"] = _file_info(device)
+    eds["DeviceInfo"] = _device_info(device)
     eds["DummyUsage"] = {f"Dummy{index:04X}": "1" for index in DUMMY_BITS}
-    eds["Comments"] = {"Lines": "1", "Line1": "StepTwin: a simulated STM32F103 axis with a STEP/DIR driver"}
-    for title, objects in _groups().items():
+    eds["Comments"] = {"Lines": "1", "Line1": device.comment}
+    for title, objects in _groups(device.objects).items():
         indices = {str(i): f"0x{o.index:04X}" for i, o in enumerate(objects, start=1)}
         eds[title] = {"SupportedObjects": str(len(objects)), **indices}
         for item in objects:
@@ -67,13 +107,13 @@ def render_eds() -> str:
     return text.getvalue()
 
 
-def _file_info() -> dict[str, str]:
+def _file_info(device: EdsDevice) -> dict[str, str]:
     return {
-        "FileName": "steptwin-axis.eds",
+        "FileName": device.file_name,
         "FileVersion": "1",
         "FileRevision": "0",
         "EDSVersion": "4.0",
-        "Description": "StepTwin stepper axis",
+        "Description": device.name,
         "CreationTime": _FILE_DATE["Time"],
         "CreationDate": _FILE_DATE["Date"],
         "CreatedBy": "StepTwin",
@@ -83,34 +123,34 @@ def _file_info() -> dict[str, str]:
     }
 
 
-def _device_info() -> dict[str, str]:
+def _device_info(device: EdsDevice) -> dict[str, str]:
     rates = {f"BaudRate_{rate}": str(int(rate * 1000 in BITRATES)) for rate in _RATES_KBIT}
     return {
-        "VendorName": "StepTwin",
-        "VendorNumber": "0x0",
-        "ProductName": "StepTwin stepper axis",
-        "ProductNumber": "0x6560",
-        "RevisionNumber": "0x10000",
-        "OrderCode": "steptwin-axis",
+        "VendorName": device.vendor,
+        "VendorNumber": device.number(1),
+        "ProductName": device.name,
+        "ProductNumber": device.number(2),
+        "RevisionNumber": device.number(3),
+        "OrderCode": device.order_code,
         **rates,
         "SimpleBootUpMaster": "0",
         "SimpleBootUpSlave": "1",
         "Granularity": str(min(DUMMY_BITS.values())),
         "DynamicChannelsSupported": "0",
         "GroupMessaging": "0",
-        "NrOfRXPDO": str(PDO_COUNT),
-        "NrOfTXPDO": str(PDO_COUNT),
+        "NrOfRXPDO": device.pdos(range(0x1400, 0x1600)),
+        "NrOfTXPDO": device.pdos(range(0x1800, 0x1A00)),
         "LSS_Supported": "1",
     }
 
 
-def _groups() -> dict[str, list[DictionaryObject]]:
+def _groups(objects: tuple[DictionaryObject, ...]) -> dict[str, list[DictionaryObject]]:
     groups: dict[str, list[DictionaryObject]] = {
         "MandatoryObjects": [],
         "OptionalObjects": [],
         "ManufacturerObjects": [],
     }
-    for item in OBJECTS:
+    for item in objects:
         if item.index in _MANDATORY:
             groups["MandatoryObjects"].append(item)
         elif _MANUFACTURER_FIRST <= item.index <= _MANUFACTURER_LAST:

@@ -1,10 +1,13 @@
-"""A CAN data frame and the identifiers of CANopen's predefined connection set (CiA 301, section 7.3.5)."""
+"""A CAN frame and the identifiers of CANopen's predefined connection set (CiA 301, section 7.3.5)."""
 
 from typing import Final, NamedTuple
 
 
 class Frame(NamedTuple):
-    """One classical CAN data frame with an 11-bit identifier and 0 to 8 bytes."""
+    """One classical CAN frame with an 11-bit identifier and 0 to 8 bytes.
+
+    A remote frame has the bit REMOTE in `cob_id`, as in SocketCAN, and no bytes.
+    """
 
     cob_id: int
     data: bytes
@@ -15,8 +18,12 @@ BITRATES: Final = (125_000, 250_000, 500_000, 1_000_000)
 DEFAULT_BITRATE: Final = BITRATES[-1]
 """Bit rate of a robot whose file gives none: the highest of classical CAN. [A]"""
 
+REMOTE: Final = 1 << 30
+"""Bit of a frame's `cob_id`: a remote frame, which requests the data frame of its identifier."""
+
 COB_NMT: Final = 0x000
 COB_SYNC: Final = 0x080
+COB_TIME: Final = 0x100
 COB_EMCY: Final = 0x080
 """The node id is added to this COB-ID and to those below; 080h itself is SYNC."""
 COB_TPDO: Final = (0x180, 0x280, 0x380, 0x480)

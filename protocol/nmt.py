@@ -1,4 +1,4 @@
-"""Network management (NMT) of one node: its states and its heartbeat (CiA 301, sections 7.2.8 and 7.3.2)."""
+"""Network management (NMT) of one node: states, heartbeat, node guarding (CiA 301, sections 7.2.8 and 7.3.2)."""
 
 from enum import IntEnum
 
@@ -81,4 +81,41 @@ class HeartbeatProducer:
         if self.due_us is None or now_us < self.due_us:
             return False
         self.due_us += self.period_us
+        return True
+
+
+_TOGGLE = 0x80
+
+
+class GuardedNode:
+    """Answers node guarding and watches the guarding master (CiA 301, section 7.2.8.3.2).
+
+    The master requests the state by remote frames. Life guarding begins with the first one; after the node life time
+    without another one the master is lost.
+    """
+
+    def __init__(self) -> None:
+        self.due_us: int | None = None
+        """Instant when the master is lost; None without life guarding."""
+        self.lost: bool = False
+        """True from the loss of the master until its next request."""
+        self._toggle = 0
+
+    def restart(self) -> None:
+        """Begin again with toggle bit 0, and without life guarding until the next request."""
+        self.due_us, self.lost, self._toggle = None, False, 0
+
+    def answer(self, state: NmtState, life_time_us: int, now_us: int) -> bytes:
+        """Return the answer to a request; a life time of 0 means no life guarding."""
+        answer = bytes((self._toggle | state,))
+        self._toggle ^= _TOGGLE
+        self.due_us = now_us + life_time_us if life_time_us else None
+        self.lost = False
+        return answer
+
+    def poll(self, now_us: int) -> bool:
+        """Return True, once, when the master is lost."""
+        if self.due_us is None or now_us < self.due_us:
+            return False
+        self.due_us, self.lost = None, True
         return True

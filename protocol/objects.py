@@ -61,7 +61,6 @@ DUMMY_BITS: Final = {0x0001: 1, 0x0002: 8, 0x0003: 16, 0x0004: 32, 0x0005: 8, 0x
 
 With dummies one RPDO serves several nodes: each node maps its own entries, and dummies in place of the others'.
 """
-PDO_COUNT = len(RPDO_DEFAULTS)
 PDO_ENTRIES_MAX: Final = 8
 
 

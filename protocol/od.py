@@ -21,6 +21,7 @@ from typing import Final
 from steptwin.protocol.cia402 import (
     INCREMENTS,
     LINEAR_RAMP,
+    LINEAR_SUBMODE,
     PVT_SUBMODE,
     RAMPS,
     SI_PREFIXES,
@@ -30,7 +31,7 @@ from steptwin.protocol.cia402 import (
     Mode,
 )
 from steptwin.protocol.entry import Access, DataType, Entry, EntryUnit, Mapping, ObjectCode
-from steptwin.protocol.frame import COB_EMCY, COB_SYNC
+from steptwin.protocol.frame import COB_EMCY, COB_SYNC, COB_TIME
 from steptwin.protocol.homing_methods import HOME_HERE, HOMING_METHODS, NO_HOMING
 from steptwin.protocol.nmt import ErrorBehaviour
 
@@ -207,6 +208,10 @@ DEVICE_NAME = const(0x1008_00, STRING, "Manufacturer device name", "StepTwin ste
 HARDWARE_VERSION = const(0x1009_00, STRING, "Manufacturer hardware version", "STM32F103 + STEP/DIR")
 # The firmware's own version: RELEASING.md says when it rises. 0x1018:03 has its first two parts.
 SOFTWARE_VERSION = const(0x100A_00, STRING, "Manufacturer software version", "1.0.0")
+GUARD_TIME = rw(0x100C_00, U16, "Guard time in {unit}", unit=MS, write="AxisNode.restart_guarding")
+LIFE_TIME_FACTOR = rw(
+    0x100D_00, U8, "Life time factor: the master is lost after so many guard times", write="AxisNode.restart_guarding"
+)
 _GROUPS: Final = ("all parameters", "communication parameters", "application parameters", "board parameters")
 array(0x1010, "Store parameters")
 STORES: Final = tuple(
@@ -220,6 +225,15 @@ RESTORES: Final = tuple(
     for i, group in enumerate(_GROUPS)
 )
 RESTORE_ALL, RESTORE_COMMUNICATION, RESTORE_APPLICATION, RESTORE_BOARD = RESTORES
+CONSUMES_TIME: Final = 1 << 31
+"""Bit of the COB-ID TIME: the node uses TIME."""
+TIME_COB_ID = rw(
+    0x1012_00,
+    U32,
+    "COB-ID TIME: bit 31 is 1 if the node uses it",
+    CONSUMES_TIME | COB_TIME,
+    values=(COB_TIME, CONSUMES_TIME | COB_TIME),
+)
 TIME_STAMP = rw(
     0x1013_00,
     U32,
@@ -248,6 +262,10 @@ SERIAL_NUMBER = ro(0x1018_04, U32, "Serial number", read="AxisNode.serial_number
 SYNC_COUNTER_OVERFLOW = rw(
     0x1019_00, U8, "Synchronous counter overflow value", low=0, high=240, write="ProcessData.check_sync_overflow"
 )
+array(0x1020, "Verify configuration")
+# A change of any parameter sets both to 0 (CiA 301, section 7.5.2.23).
+CONFIGURATION_DATE = rw(0x1020_01, U32, "Configuration date in days since 1984-01-01")
+CONFIGURATION_TIME = rw(0x1020_02, U32, "Configuration time in {unit} since midnight", unit=MS)
 array(0x1029, "Error behaviour")
 COMMUNICATION_ERROR_BEHAVIOUR = rw(0x1029_01, U8, "Communication error", ErrorBehaviour.PRE_OPERATIONAL, 0, 2)
 RPDO_COMMUNICATION: Final = (0x1400, 0x1401, 0x1402, 0x1403)
@@ -331,6 +349,15 @@ GROUP_RATE_HIGHEST_Q16 = rw(
     write="Interpolation.allow_rate",
 )
 BOARD_AXES = ro(0x2010_06, U8, "Number of axes on the board", read="AxisMotion.board_axes")
+# CiA 402's place of this set-point is 60C1h:01, where this board has the displacement of a PVT record.
+INTERPOLATION_SET_POINT = rw(
+    0x2011_00,
+    I32,
+    "Set-point of linear interpolation (0x60C0 = 0)",
+    unit=POSITION,
+    mapping=RX,
+    write="CyclicPosition.note_set_point_at",
+)
 record(0x2012, "PVT status")
 PVT_NEXT_SEQUENCE = ro(0x2012_01, U8, "Next sequence number", mapping=TX, read="Interpolation.next_sequence")
 PVT_FREE_RECORDS = ro(0x2012_02, U8, "Free records", RECORDS, TX, read="Interpolation.free_records")
@@ -393,6 +420,9 @@ FAULT_RESET = wo(
     "Fault reset: the number of the fault or emergency stop that it answers",
     write="AxisDrive.reset_numbered_fault",
 )
+record(0x2019, "Time of day by TIME; 0: none has come")
+TIME_DAYS = ro(0x2019_01, U16, "Days since 1984-01-01", read="TimeOfDay.days")
+TIME_MS = ro(0x2019_02, U32, "Time in {unit} since midnight", MS, read="TimeOfDay.ms")
 record(0x2020, "Homing")
 HOMING_TIMEOUT_MS = rw(0x2020_01, U32, "Timeout in {unit}; 0: none", 120_000, unit=MS)
 HOMING_ERROR = ro(0x2020_02, U8, "Why the last homing has failed")
@@ -528,7 +558,15 @@ TOUCH_PROBE_1_RISING = ro(0x60BA_00, I32, "Touch probe 1 positive edge", POSITIO
 TOUCH_PROBE_1_FALLING = ro(0x60BB_00, I32, "Touch probe 1 negative edge", POSITION, TX)
 TOUCH_PROBE_2_RISING = ro(0x60BC_00, I32, "Touch probe 2 positive edge", POSITION, TX)
 TOUCH_PROBE_2_FALLING = ro(0x60BD_00, I32, "Touch probe 2 negative edge", POSITION, TX)
-INTERPOLATION_SUBMODE = rw(0x60C0_00, I16, "Interpolation sub mode select", PVT_SUBMODE, PVT_SUBMODE, PVT_SUBMODE)
+INTERPOLATION_SUBMODE = rw(
+    0x60C0_00,
+    I16,
+    "Interpolation sub mode select: -1 PVT records, 0 the set-points of 0x2011",
+    PVT_SUBMODE,
+    PVT_SUBMODE,
+    LINEAR_SUBMODE,
+    write="AxisDrive.select_submode",
+)
 record(0x60C1, "Interpolation data record (PVT)")
 PVT_DISPLACEMENT = rw(0x60C1_01, I24, "Displacement in {unit}", unit=POSITION, mapping=RX)
 PVT_END_VELOCITY = rw(0x60C1_02, I24, "End velocity in {unit}", unit=EntryUnit.PVT_VELOCITY, mapping=RX)

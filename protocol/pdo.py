@@ -87,6 +87,7 @@ _STAGES: Final = {
     od.MODE_OF_OPERATION: ImageStage.MODE,
     od.TARGET_POSITION: ImageStage.TARGET,
     od.TARGET_VELOCITY: ImageStage.TARGET,
+    od.INTERPOLATION_SET_POINT: ImageStage.TARGET,
     od.CONTROLWORD: ImageStage.CONTROLWORD,
 }
 
@@ -117,8 +118,8 @@ class MappedObjects(Protocol):
         """Return the present value of a numeric entry."""
         ...
 
-    def cell(self, address: int) -> MappedCell:
-        """Return the cell of a numeric entry."""
+    def bus_cell(self, address: int) -> MappedCell:
+        """Return the cell of a numeric entry that the bus sees."""
         ...
 
     def is_signed(self, address: int) -> bool:
@@ -155,7 +156,7 @@ def _fields(dictionary: MappedObjects, mapping_index: int) -> tuple[list[_Field]
         address, bits = word >> 8, word & 0xFF
         if address >> 8 not in DUMMY_BITS:
             sign_bit = 1 << bits - 1 if dictionary.is_signed(address) else 0
-            fields.append(_Field(address, dictionary.cell(address), shift, (1 << bits) - 1, sign_bit))
+            fields.append(_Field(address, dictionary.bus_cell(address), shift, (1 << bits) - 1, sign_bit))
         shift += bits
     return fields, -(-shift // 8)
 

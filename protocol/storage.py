@@ -15,6 +15,7 @@ from typing import Final, TypeVar
 from steptwin.protocol import od
 from steptwin.protocol.dictionary import TEXT_BYTES_MAX, FlashPage, ObjectDictionary
 from steptwin.protocol.entry import Access, DataType, Entry, Mapping
+from steptwin.protocol.objects import ENTRIES
 from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
 NO_NAME: Final = 0
@@ -26,6 +27,8 @@ _SAVE, _LOAD = (int.from_bytes(word, "little") for word in (b"save", b"load"))
 _PROFILE_LIMITS = frozenset((od.PROFILE_VELOCITY, od.END_VELOCITY, od.PROFILE_ACCELERATION, od.PROFILE_DECELERATION))
 """Entries that are stored although a PDO may write them: they cause no motion by themselves."""
 _STATES = (od.ERROR_HISTORY_COUNT, od.CHARGE_TOKEN, od.EMERGENCY_STOP, od.GROUP_RATE_Q16, od.GROUP_RATE_HIGHEST_Q16)
+_CONFIGURATION = od.CONFIGURATION_DATE, od.CONFIGURATION_TIME
+"""Entries that name the configuration (1020h); a change of any other parameter sets them to 0."""
 _NO_PARAMETERS = frozenset((*_STATES, *od.STORES, *od.RESTORES))
 
 
@@ -51,12 +54,18 @@ class ParameterStorage:
         self._page = page
         self._busy = busy
         dictionary.bind(self)
+        dictionary.on_write = self._written
+
+    def _written(self, address: int) -> None:
+        if address not in _CONFIGURATION and _is_parameter(address, self._dictionary.entries[address]):
+            for each in _CONFIGURATION:
+                self._dictionary.set(each, 0)
 
     def save_at(self, address: int, signature: int) -> None:
         """Store the parameters of the group that an entry of 1010h names."""
         self._check(signature, _SAVE)
         first, last = _GROUPS[od.STORES.index(address)]
-        for place, entry in self._dictionary.entries.items():
+        for place, entry in ENTRIES.items():
             if not (first <= place >> 8 <= last and _is_parameter(place, entry)):
                 continue
             if entry.data_type is DataType.VISIBLE_STRING:

@@ -32,6 +32,7 @@ PAGES: Final = (
 )
 """Tests of pages, of all commands and of all jobs."""
 USES: Final = {
+    "conform": ("tests/features/personalities/test_described.py",),
     "faults": (
         "tests/end_to_end/test_foreign_folders.py::test_a_pipe_or_a_device_is_not_read",
         "tests/end_to_end/test_readme.py",
@@ -57,6 +58,7 @@ USES: Final = {
         "tests/host/cli/test_machine_options.py::test_a_key_that_is_wrong",
         "tests/package/test_public_names.py",
     ),
+    "nodes": ("tests/features/personalities/test_described.py",),
     "papers": (
         "tests/end_to_end/test_calibration_page.py::test_the_program_runs",
         "tests/end_to_end/test_files.py::TestARobotOfOnesOwn::test_has_other_dimensions_in_fk_ik_and_jobs",

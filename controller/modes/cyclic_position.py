@@ -1,4 +1,4 @@
-"""Cyclic synchronous position and velocity modes (CiA 402-2): follow a set-point of each SYNC.
+"""Cyclic synchronous position and velocity, and linear interpolation (CiA 402-2): follow a set-point of each SYNC.
 
 The set-point is the target position (607Ah). It is used when the slot of its SYNC closes (see `SyncClock`): with the
 next servo tick begins a cubic of one period T that ends at the set-point. The cubic begins with the end velocity of the
@@ -29,6 +29,12 @@ of a unit for the next period. The rest is as in position mode, except that a ve
 to it (bit 11), as in profile velocity mode. Each stop resets the target velocity to 0. There is no velocity offset
 (60B1h).
 
+In some drives cyclic modes need no SYNC. Then each set-point counts as if its SYNC came with it, and a slot without one
+holds the last set-point; nothing is lost.
+
+Interpolated position with the sub mode "linear" (60C0h = 0) is as position mode, with two differences. The set-points
+are those of 2011h. The axis follows while bit 4 of the controlword is set; when the bit falls, it stops by a ramp.
+
 Positions are in units, velocities in 1/64 unit per ms, as on the wire.
 """
 
@@ -39,7 +45,7 @@ from steptwin.controller.modes.interpolation import Interpolation
 from steptwin.controller.motion.axis_motion import Refusal
 from steptwin.controller.motion.kernel import TICKS_PER_MS, distance_q16
 from steptwin.controller.node.axis_context import AxisContext
-from steptwin.controller.node.stops import AxisStop
+from steptwin.controller.node.stops import AxisStop, StopKind
 from steptwin.controller.node.sync_clock import TICK_US, Slot
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Control, ErrorCode, Mode, Status
@@ -142,6 +148,9 @@ class CyclicPosition(DriveMode):
         self._trip = context.trip
         self._records = records
         self._stop = stop
+        self._at_arrival = context.dictionary.traits.targets_at_arrival
+        """True if each target acts when it is written, as a set-point whose SYNC comes with it."""
+        self._arrived = False
         self._enabled = False
         """True while the drive is in OPERATION ENABLED in this mode and not halted."""
         self._following = False
@@ -167,13 +176,17 @@ class CyclicPosition(DriveMode):
     def note_set_point_at(self, address: int, _value: int) -> None:
         """Record that a target position or velocity is written; the mode determines which one is the set-point."""
         self._written.add(address)
-        if not self._enabled:
+        if self._at_arrival or not self._enabled:
+            self._arrived = self._at_arrival
             self._fresh.add(address)
             self._context.touch()
 
     def end_image(self) -> None:
         """End a process image: a set-point of an earlier image does not start a motion."""
         self._fresh.clear()
+        if self._arrived:
+            self._arrived = False
+            self.on_sync()
 
     def check_period(self, _period_ms: int) -> None:
         """Refuse a change of the period while the axis follows."""
@@ -181,10 +194,14 @@ class CyclicPosition(DriveMode):
             raise SdoAbortError(AbortCode.DEVICE_STATE)
 
     def control(self, controlword: int, _previous: int) -> None:
-        """Obey the halt bit. Ignore a target that was written before the mode was enabled, in another frame."""
-        if controlword & Control.HALT:
+        """Obey the halt bit, and in linear interpolation the enable bit.
+
+        Ignore a target that was written before the mode was enabled, in another frame.
+        """
+        halted = bool(controlword & Control.HALT)
+        if halted or (self._linear and not controlword & Control.START):
             if self._following and self._motion.running:
-                self._stop.ramp_down(self._stop.halt_kind)
+                self._stop.ramp_down(self._stop.halt_kind if halted else StopKind.SLOW_DOWN)
             self.interrupted()
         elif not self._enabled:
             self._enabled = True
@@ -219,6 +236,7 @@ class CyclicPosition(DriveMode):
             return
         slot = self._clock.hear(self._context.now_us)
         target = od.TARGET_VELOCITY if self._by_velocity else od.TARGET_POSITION
+        target = od.INTERPOLATION_SET_POINT if self._linear else target
         set_point = self._dictionary.get(target) if target in self._written else self._received[slot].set_point
         self._received[slot] = _SlotReceptions(sync=True, set_point=set_point)
         self._written.clear()
@@ -266,6 +284,11 @@ class CyclicPosition(DriveMode):
         """True in velocity mode."""
         return self._dictionary.get(od.MODE_OF_OPERATION_DISPLAY) == Mode.CYCLIC_SYNCHRONOUS_VELOCITY
 
+    @property
+    def _linear(self) -> bool:
+        """True in interpolated position mode, which reaches this class only with the sub mode "linear"."""
+        return self._dictionary.get(od.MODE_OF_OPERATION_DISPLAY) == Mode.INTERPOLATED_POSITION
+
     def _integrated(self, units_per_s: int) -> int:
         """Return the position after one period at a velocity, from the last point."""
         travel_thousandths = units_per_s * self._dictionary.get(od.INTERPOLATION_PERIOD) + self._remainder_thousandths
@@ -294,7 +317,7 @@ class CyclicPosition(DriveMode):
     def _bridged(self, received: _SlotReceptions) -> int | None:
         """Return a point at constant velocity for a missing set-point; None if too many are missing."""
         last, before, _ = self._points_units
-        if received.sync and last == before:
+        if (received.sync and last == before) or self._at_arrival:
             return last
         self._bridged_slots += 1
         self._lost += _LOST

@@ -84,16 +84,19 @@ class Positioning:
     def __init__(self, context: AxisContext) -> None:
         self._motion = context.motion
         self._dictionary = context.dictionary
+        self._zero_is_off = context.dictionary.traits.zero_limits_off
         context.dictionary.bind(self)
 
     def check_low(self, low: int) -> None:
         """Refuse a range that is not longer than a position."""
-        if low >= self._dictionary.get(od.POSITION_RANGE_MAX):
-            raise SdoAbortError(AbortCode.MAX_BELOW_MIN)
+        self._check(low, self._dictionary.get(od.POSITION_RANGE_MAX))
 
     def check_high(self, high: int) -> None:
         """Refuse a range that is not longer than a position."""
-        if high <= self._dictionary.get(od.POSITION_RANGE_MIN):
+        self._check(self._dictionary.get(od.POSITION_RANGE_MIN), high)
+
+    def _check(self, low: int, high: int) -> None:
+        if low >= high and not (self._zero_is_off and 0 in (low, high)):
             raise SdoAbortError(AbortCode.MAX_BELOW_MIN)
 
     def target_units(self, *, relative: bool, last_target_units: int | None, from_units: int) -> int:
@@ -105,7 +108,7 @@ class Positioning:
         if relative:
             return wanted_units + self._base_units(RelativeTo(option & _TWO_BITS), last_target_units)
         low, high = self._dictionary.get(od.POSITION_RANGE_MIN), self._dictionary.get(od.POSITION_RANGE_MAX)
-        if (low, high) == (DataType.INTEGER32.low, DataType.INTEGER32.high):
+        if (low, high) == (DataType.INTEGER32.low, DataType.INTEGER32.high) or low >= high:
             return wanted_units
         return from_units + travel_units(
             from_units, wanted_units, high - low + 1, TurnDirection(option >> _DIRECTION_SHIFT)

@@ -15,6 +15,7 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode
 from steptwin.protocol.dictionary import FlashPage, ObjectDictionary
 from steptwin.protocol.heartbeat_consumer import HeartbeatConsumer
+from steptwin.protocol.object_view import ObjectView
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from steptwin.protocol.pdo import ProcessData
 
@@ -91,6 +92,8 @@ class BoardContext(NamedTuple):
     inputs: list[DigitalInput]
     """Present input levels of all axes."""
     bit_timing: BitTiming
+    view: ObjectView | None
+    """Objects that the bus sees in place of the firmware's own."""
 
 
 class AxisContext:
@@ -100,7 +103,7 @@ class AxisContext:
         self.axis = axis
         self.board = board
         self.motion: AxisMotion = board.motion.axes[axis]
-        self.dictionary: ObjectDictionary = ObjectDictionary(node_id, stored=flash_page)
+        self.dictionary: ObjectDictionary = ObjectDictionary(node_id, stored=flash_page, view=board.view)
         self.process_data: ProcessData = ProcessData(self.dictionary)
         self.heartbeats: HeartbeatConsumer = HeartbeatConsumer(self.dictionary)
         self.errors: AxisErrors = AxisErrors(self.dictionary, self.heartbeats, self.touch)

@@ -18,7 +18,16 @@ from steptwin.controller.node.stops import DISABLES, QUICK_STOPS, SHUTDOWNS, Axi
 from steptwin.controller.node.supervision import Supervision
 from steptwin.controller.node.touch_probe import TouchProbes
 from steptwin.protocol import cia402, od
-from steptwin.protocol.cia402 import AbortConnection, Control, DigitalInput, ErrorCode, Mode, State, Status
+from steptwin.protocol.cia402 import (
+    LINEAR_SUBMODE,
+    AbortConnection,
+    Control,
+    DigitalInput,
+    ErrorCode,
+    Mode,
+    State,
+    Status,
+)
 from steptwin.protocol.entry import DataType
 from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
@@ -39,6 +48,8 @@ _FOLLOWING_MODES: Final = (
 """Modes in which bit 13 of the statusword is the following error."""
 
 
+_ENABLING: Final = (State.READY_TO_SWITCH_ON, State.SWITCHED_ON, State.OPERATION_ENABLED)
+"""States that no command reaches while safe torque off is requested."""
 _KEEPS_UNITS: Final = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE)
 """States in which the user units cannot change, because targets may arrive. (CiA 402-2 does not regulate this.)"""
 
@@ -104,6 +115,12 @@ class AxisDrive:
         self.interpolation.restart()
         self._enter(State.SWITCH_ON_DISABLED)
 
+    def apply_parameters(self) -> None:
+        """Use the parameters that a reset has loaded."""
+        self.settings.apply()
+        self.mode_number = self._dictionary.get(od.MODE_OF_OPERATION)
+        self._take_submode(self._dictionary.get(od.INTERPOLATION_SUBMODE))
+
     @property
     def mode(self) -> DriveMode:
         """The mode of operation."""
@@ -149,6 +166,8 @@ class AxisDrive:
         if target is self.state:
             return
         if self._stop_command and not leads_further(target, self._stop_command):
+            return
+        if self.supervision.torque_off and target in _ENABLING:
             return
         if target is State.OPERATION_ENABLED and self._enable_due_us is not None:
             return  # which comes when the driver has settled
@@ -197,6 +216,18 @@ class AxisDrive:
             if self.state is State.OPERATION_ENABLED:
                 # With the same word twice the new mode sees levels but no edge: no old bit starts a motion.
                 self.mode.control(self._controlword, self._controlword)
+
+    def select_submode(self, submode: int) -> None:
+        """Change the interpolation sub mode (60C0h); refuse it while interpolation is enabled or the axis moves."""
+        if submode == self._dictionary.get(od.INTERPOLATION_SUBMODE):
+            return
+        interpolates = self.mode_number == Mode.INTERPOLATED_POSITION and self.state is State.OPERATION_ENABLED
+        if interpolates or self._motion.running:
+            raise SdoAbortError(AbortCode.DEVICE_STATE)
+        self._take_submode(submode)
+
+    def _take_submode(self, submode: int) -> None:
+        self._modes[Mode.INTERPOLATED_POSITION] = self._cyclic if submode == LINEAR_SUBMODE else self.interpolation
 
     def change_units_at(self, address: int, value: int) -> None:
         """Change a factor of the user units (6091h, 6092h) or their SI unit (60A8h); refuse if motion is possible.
@@ -323,14 +354,30 @@ class AxisDrive:
         if inputs & ~self.supervision.inputs & DigitalInput.ESTOP:
             self._count_fault()
         self._probes.inputs_changed(self.supervision.inputs, inputs)
+        torque_changed = (inputs ^ self.supervision.inputs) & DigitalInput.TORQUE_OFF
         self.supervision.inputs = inputs
         self._context.changed(od.DIGITAL_INPUTS)
+        if torque_changed:
+            self._change_torque_off()
         if self.energised:
             self.supervision.check()
             if not self.mode.seeks_switches:
                 self.supervision.check_limits()
         if self._enabled and self.mode.switches_at == self.axis:
             self.mode.inputs_changed(inputs)
+
+    def _change_torque_off(self) -> None:
+        """React to a request of safe torque off (STO), or to its end: report it, and end pulses and ENABLE at once."""
+        if not self.supervision.torque_off:
+            self._context.errors.resolved(ErrorCode.TORQUE_OFF)
+            return
+        self._context.errors.report(ErrorCode.TORQUE_OFF, 0)
+        if self._motion.running:
+            self.stop.cut()
+        if self.energised:
+            self._enter(State.FAULT if self.state is State.FAULT_REACTION_ACTIVE else State.SWITCH_ON_DISABLED)
+        elif self.state is State.READY_TO_SWITCH_ON:
+            self._enter(State.SWITCH_ON_DISABLED)
 
     def watch_other_switches(self) -> None:
         """Let the mode check the switches that it monitors at another axis."""
@@ -374,7 +421,7 @@ class AxisDrive:
     def statusword(self) -> int:
         """Return the statusword (6041h): the bits of state, drive and mode."""
         word = self.state.bits
-        if self.supervision.supplied:
+        if self.supervision.supplied and not self.supervision.torque_off:
             word |= Status.VOLTAGE_ENABLED
         if self._context.reference.known:
             word |= Status.POSITION_KNOWN

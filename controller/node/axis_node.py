@@ -10,13 +10,14 @@ from steptwin.controller.node.charge import Charge
 from steptwin.controller.node.lss_slave import LssSlave
 from steptwin.controller.node.pins import AxisPins, Pin
 from steptwin.controller.node.stops import LOSS_EFFECTS, ConnectionLoss
+from steptwin.controller.node.time_of_day import TimeOfDay
 from steptwin.controller.node.transmit_queue import Outbox, Service
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import AbortConnection, ErrorCode, State, Status
 from steptwin.protocol.dictionary import FlashPage, ObjectDictionary
 from steptwin.protocol.frame import COB_HEARTBEAT, COB_SDO_RESPONSE, Frame
 from steptwin.protocol.lss import COB_LSS_RESPONSE, UNCONFIGURED
-from steptwin.protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, after_error, target_of
+from steptwin.protocol.nmt import GuardedNode, HeartbeatProducer, NmtCommand, NmtState, after_error, target_of
 from steptwin.protocol.pdo import ProcessData, act_on_sync
 from steptwin.protocol.sdo_server import SdoServer
 from steptwin.protocol.storage import ParameterStorage, checksum
@@ -25,6 +26,8 @@ _RETRY_US: Final = 1000
 """Time after which an EMCY is tried again if the transmit queue has no place."""
 _OPERATIONAL: Final = NmtState.OPERATIONAL  # bound once: access to an enum's member costs time for every frame
 _FAULT_STATES: Final = (State.FAULT_REACTION_ACTIVE, State.FAULT)
+_GUARDING_MASTER: Final = 0
+"""Detail of a lost heartbeat (8130h) if the master of node guarding is lost; else it is a node id."""
 _SILENT: Final = (NmtState.STOPPED, NmtState.INITIALISING)
 """NMT states in which a node neither answers SDO requests nor sends EMCYs."""
 
@@ -58,6 +61,8 @@ class AxisNode:
         self._statusword = 0
         self._sdo = SdoServer(self.dictionary)
         self._heartbeat = HeartbeatProducer()
+        self._guarded = GuardedNode()
+        self._time_of_day = TimeOfDay(context)
         self._heartbeats = context.heartbeats
         self._errors = context.errors
         self._bit_timing = board.bit_timing
@@ -92,8 +97,13 @@ class AxisNode:
         self.pins.switch_outputs(value & self.dictionary.get(other))
 
     def set_heartbeat_period(self, period_ms: int) -> None:
-        """Set the heartbeat's period; 0 switches it off."""
+        """Set the heartbeat's period; 0 switches it off. A node with a heartbeat does not answer node guarding."""
         self._heartbeat.set_period(period_ms * 1000, self._context.now_us)
+        self._guarded.restart()
+
+    def restart_guarding(self, _value: int) -> None:
+        """Wait for the next request of the guarding master, because the node life time changes (100Ch, 100Dh)."""
+        self._guarded.due_us = None
 
     @property
     def configured(self) -> bool:
@@ -153,7 +163,7 @@ class AxisNode:
         """Reset the application as by a power cycle. An axis at standstill keeps its position."""
         self.drive.reset()
         self.dictionary.reset(first_index=0x2000)
-        self.drive.settings.apply()
+        self.drive.apply_parameters()
         self._errors.forget()
         self.pins.switch_outputs(0)
 
@@ -247,6 +257,26 @@ class AxisNode:
                 self._outbox.send_process_data(number, frame, now_us)
         self._end_call()
 
+    def on_guarding(self, _data: bytes, now_us: int) -> None:
+        """Answer a request of node guarding in any NMT state, unless the node sends heartbeats or restarts."""
+        if self._heartbeat.period_us or self.nmt_state is NmtState.INITIALISING:
+            return
+        self._context.now_us = now_us
+        get = self.dictionary.get
+        if self._guarded.lost and self.drive.state not in _FAULT_STATES:
+            self._errors.resolved(ErrorCode.HEARTBEAT_LOST, _GUARDING_MASTER)
+        life_time_us = 1000 * get(od.GUARD_TIME) * get(od.LIFE_TIME_FACTOR)
+        answer = self._guarded.answer(self.nmt_state, life_time_us, now_us)
+        self._send(Service.NMT, COB_HEARTBEAT + self.node_id, answer)
+        self._end_call()
+
+    def on_time(self, data: bytes, now_us: int) -> None:
+        """Set the time of day by TIME, in PRE-OPERATIONAL and OPERATIONAL."""
+        if self.nmt_state in _SILENT:
+            return
+        self._context.now_us = now_us
+        self._time_of_day.receive(data)
+
     @property
     def heartbeat_producers(self) -> list[int]:
         """Node ids of the monitored heartbeats."""
@@ -276,7 +306,7 @@ class AxisNode:
     # --- errors of the bus
 
     def _watch_connection(self) -> None:
-        """Report lost heartbeat producers and late RPDOs."""
+        """Report late RPDOs, lost heartbeat producers and a lost master."""
         if self.nmt_state is NmtState.OPERATIONAL:
             for number, pdo in enumerate(self.process_data.receive_pdos, start=1):
                 if pdo.timed_out(self._context.now_us):
@@ -286,6 +316,9 @@ class AxisNode:
             self._errors.report(ErrorCode.HEARTBEAT_LOST, producer_id)
             self._charge.forget()
             self.connection_loss = ConnectionLoss.HEARTBEAT
+        if self._guarded.poll(self._context.now_us):
+            self._errors.report(ErrorCode.HEARTBEAT_LOST, _GUARDING_MASTER)
+            self.connection_loss = ConnectionLoss.LIFE_GUARDING
 
     def abort_connection(self, loss: ConnectionLoss, now_us: int) -> None:
         """React to a time-out that means a lost master; called after the polls of all nodes."""
@@ -369,6 +402,7 @@ class AxisNode:
         dues = [
             self._heartbeat.due_us,
             self._heartbeats.due_us,
+            self._guarded.due_us,
             self._outbox.due_us,
             self._charge.due_us,
             self._bit_timing.due_us,

@@ -27,12 +27,15 @@ from steptwin.protocol.frame import (
     COB_NMT,
     COB_SDO_REQUEST,
     COB_SYNC,
+    COB_TIME,
     FIRST_NODE_ID,
     NODE_ID_MAX,
+    REMOTE,
     Frame,
 )
 from steptwin.protocol.lss import COB_LSS_REQUEST
 from steptwin.protocol.nmt import command_for
+from steptwin.protocol.object_view import ObjectView
 from steptwin.protocol.timer import COUNTS_PER_US
 
 AXES_MAX: Final = 8
@@ -65,6 +68,7 @@ class Firmware:
         axis_count: int,
         flash: list[FlashPage] | None = None,
         first_node_id: int = FIRST_NODE_ID,
+        view: ObjectView | None = None,
     ) -> None:
         """Power up.
 
@@ -73,6 +77,7 @@ class Firmware:
             axis_count: number of axes, 1 to 8.
             flash: one page for each axis, read at boot and written when the host stores parameters.
             first_node_id: default node id of the first axis; the other axes have the next ids. LSS may change them.
+            view: objects that the bus sees in place of those of `od`; None for these.
 
         Raises:
             ValueError: the number of axes or a node id is out of range.
@@ -101,6 +106,7 @@ class Firmware:
             list(factory_ids),
             self._inputs,
             self.bit_timing,
+            view,
         )
         self.nodes: tuple[AxisNode, ...] = tuple(
             AxisNode(axis, factory_ids[axis], page, board) for axis, page in enumerate(pages)
@@ -143,7 +149,7 @@ class Firmware:
             self._end_call(now_counts)
 
     def hears(self, cob_id: int) -> bool:
-        """Return whether the CAN controller's filters pass a COB-ID: NMT, SYNC, LSS or a service of the nodes.
+        """Return whether the CAN controller's filters pass a COB-ID: NMT, SYNC, TIME, LSS or a service of the nodes.
 
         By default these are blocks of eight COB-IDs with one mask each. The 14 filter banks of bxCAN hold 28 masks or
         56 identifiers (RM0008, section 24.7.4).
@@ -172,12 +178,14 @@ class Firmware:
         self._routes = {
             COB_LSS_REQUEST: [(node, node.on_lss) for node in self.nodes],
             COB_SYNC: [(node, node.on_sync) for node in self.nodes],
+            COB_TIME: [(node, node.on_time) for node in self.nodes],
         }
         for node in self.nodes:
             node.routes_changed = False
         nodes = [node for node in self.nodes if node.configured]
         for node in nodes:
             self._routes.setdefault(COB_SDO_REQUEST + node.node_id, []).append((node, node.on_sdo))
+            self._routes.setdefault(REMOTE | COB_HEARTBEAT + node.node_id, []).append((node, node.on_guarding))
         for node in nodes:
             for number, pdo in enumerate(node.process_data.receive_pdos):
                 if pdo.exists:

@@ -15,6 +15,7 @@ class ConnectionLoss(Enum):
     """An event by which a node loses its master."""
 
     HEARTBEAT = "a heartbeat that the node monitors is lost"
+    LIFE_GUARDING = "the master that guards the node is lost"
     BUS_OFF = "the board's CAN controller goes into bus-off"
     RPDO_TIMEOUT = "a receive PDO with an event timer does not come in time"
     NMT_STOPPED = "the node enters the NMT state STOPPED"
@@ -38,13 +39,14 @@ class LossEffect(NamedTuple):
 
 LOSS_EFFECTS: Final = {
     ConnectionLoss.HEARTBEAT: LossEffect(ErrorCode.HEARTBEAT_LOST, by_error_behaviour=True),
+    ConnectionLoss.LIFE_GUARDING: LossEffect(ErrorCode.HEARTBEAT_LOST, by_error_behaviour=True),
     ConnectionLoss.BUS_OFF: LossEffect(ErrorCode.CAN_BUS_OFF_RECOVERED, by_error_behaviour=True),
     ConnectionLoss.RPDO_TIMEOUT: LossEffect(ErrorCode.RPDO_TIMEOUT),
     ConnectionLoss.NMT_STOPPED: LossEffect(ErrorCode.COMMUNICATION, NmtCommand.STOP),
     ConnectionLoss.RESET_COMMUNICATION: LossEffect(ErrorCode.COMMUNICATION, NmtCommand.RESET_COMMUNICATION),
     ConnectionLoss.RESET_APPLICATION: LossEffect(ErrorCode.COMMUNICATION, NmtCommand.RESET_NODE),
 }
-"""Effects by event. Lost heartbeats and late RPDOs are reported before, with node id or PDO number as detail."""
+"""Effects by event. Lost heartbeats and masters and late RPDOs are reported before, with node id or PDO number."""
 
 
 class StopKind(Enum):

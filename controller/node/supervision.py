@@ -63,6 +63,11 @@ class Supervision:
         """True while the motor supply is at least the lowest voltage allowed (2002h:03)."""
         return self._measurements.supply_10mv >= self._dictionary.get(od.SUPPLY_VOLTAGE_MIN)
 
+    @property
+    def torque_off(self) -> bool:
+        """True while safe torque off (STO) is requested."""
+        return bool(self.inputs & DigitalInput.TORQUE_OFF)
+
     def check(self) -> None:
         """Trip the drive for every cause that is present."""
         for code, detail in self.causes():

@@ -8,6 +8,7 @@ from docs.generate.machine_pages import FAULTS_PAGE, RUN_FOLDER_PAGE
 from docs.generate.masters_page import MASTERS_PAGE
 from docs.generate.motion_pictures import write_motion_pictures
 from docs.generate.paper_pages import write_papers
+from docs.generate.personalities_page import PERSONALITIES_PAGE
 from docs.generate.pictures import (
     write_calibration_picture,
     write_machine_pictures,
@@ -30,6 +31,7 @@ def main() -> None:
     FAULTS_PAGE.write()
     MASTERS_PAGE.write()
     PROGRAMS_PAGE.write()
+    PERSONALITIES_PAGE.write()
     PROTOCOL_PAGE.write()
     ROBOT_FILES_PAGE.write()
     RUN_FOLDER_PAGE.write()

@@ -26,6 +26,7 @@ from steptwin.emulator.world.switches import Switch, Travel
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.dictionary import FlashPage
 from steptwin.protocol.frame import FIRST_NODE_ID
+from steptwin.protocol.object_view import ObjectView
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
 
@@ -48,6 +49,8 @@ class BoardConfig:
     """Initial position of each axis' rotor, in substeps from its zero; empty for all 0."""
     travels: tuple[Travel, ...] = ()
     """Travel along which each axis' switches are placed; empty if it is the travel of the axis' own rotor."""
+    view: ObjectView | None = None
+    """Objects that the bus sees in place of those of StepTwin's firmware."""
     crystal_ppm: int = 0
     """Error of the board's crystal in ppm, positive if it is fast; `drifting_board.make_board` uses it."""
 
@@ -330,6 +333,7 @@ class Board:
             self.measurements.temperature_decidegc,
             tuple(map(AxisEnvironment, self.inputs.levels, self.inputs.stuck, self._held_protects, self._shorted)),
             self.can.bitrate,
+            torque_off=self.inputs.torque_off,
         )
 
     def measure(self, measurements: BoardReadings, now_counts: int) -> None:

@@ -38,6 +38,7 @@ class BoardEnvironment:
         axes: signals at each axis' connector.
         bitrate: bit rate of the board's CAN controller, in bit/s; None for a board without bus.
         payload_kg: mass of the payload; 0 without motors in the loop.
+        torque_off: True while safe torque off (STO) is requested.
     """
 
     emergency_stop: bool
@@ -46,3 +47,4 @@ class BoardEnvironment:
     axes: tuple[AxisEnvironment, ...]
     bitrate: int | None
     payload_kg: float = 0.0
+    torque_off: bool = False

@@ -66,6 +66,7 @@ class BoardInputs:
         self._period_min_counts = period_min_counts
         """Shortest time between two pulses that a driver counts."""
         self.emergency_stop = False
+        self.torque_off = False
         self.of_drivers: list[DigitalInput] = [DigitalInput(0)] * len(start_substeps)
         """Input of each axis' driver: its Protect pin is low, or its fault output is active."""
         self._general = [DigitalInput(0)] * len(start_substeps)
@@ -138,6 +139,8 @@ class BoardInputs:
     def levels(self) -> list[DigitalInput]:
         """Input levels of each axis, as last read."""
         common = DigitalInput.ESTOP if self.emergency_stop else DigitalInput(0)
+        if self.torque_off:
+            common |= DigitalInput.TORQUE_OFF
         return [
             axis.levels | common | general | driver
             for axis, general, driver in zip(self._axes, self._general, self.of_drivers, strict=True)

@@ -44,7 +44,9 @@ class OwnProgram:
     def start(self, board: "Board") -> Firmware:
         """Return a new firmware with the stored parameters."""
         config = board.config
-        self.firmware: Firmware = Firmware(self._kernel, config.axis_count, self.flash, config.first_node_id)
+        self.firmware: Firmware = Firmware(
+            self._kernel, config.axis_count, self.flash, config.first_node_id, config.view
+        )
         self.firmware.motion.group.on_ramp = self._note_ramp
         return self.firmware
 

@@ -8,7 +8,7 @@ from typing import Final
 from steptwin.emulator.bus.can_controller import CanController, ErrorState
 from steptwin.emulator.bus.can_timing import INTERMISSION_BITS, UNSTUFFED_TAIL_BITS, VALID_BEFORE_END_BITS, frame_bits
 from steptwin.emulator.bus.frame_filter import FiltersInForce, FrameFilter, StrikeEffect
-from steptwin.protocol.frame import BITRATES, Frame
+from steptwin.protocol.frame import BITRATES, COB_ID_MASK, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _ACK_SLOT_END_BITS: Final = UNSTUFFED_TAIL_BITS - 2
@@ -435,6 +435,6 @@ class Bus:
         self._on_bus = len(self._stations) - len(self._off) - len(self._detuned)
 
 
-def _bits_in_order(frame: Frame) -> tuple[int, int, bytes]:
+def _bits_in_order(frame: Frame) -> tuple[int, int, int, bytes]:
     """Return the fields of a frame in their order on the wire; the lower of two frames has the first dominant bit."""
-    return frame.cob_id, len(frame.data), frame.data
+    return frame.cob_id & COB_ID_MASK, frame.cob_id, len(frame.data), frame.data

@@ -1,4 +1,4 @@
-"""Count the bits of a CAN data frame on the wire, stuff bits included (ISO 11898-1, classical base format).
+"""Count the bits of a CAN frame on the wire, stuff bits included (ISO 11898-1, classical base format).
 
 Fields: SOF 1, identifier 11, RTR 1, IDE 1, r0 1, DLC 4, data 8n, CRC 15; then, unstuffed, CRC delimiter 1, ACK 2,
 EOF 7 and intermission 3. After five equal bits a stuff bit of the other value follows; it begins the next run. Tables
@@ -8,7 +8,7 @@ CRCs of the single bytes with zeros in place of the other bytes.
 
 from typing import Final, TypeAlias
 
-from steptwin.protocol.frame import Frame
+from steptwin.protocol.frame import COB_ID_MASK, REMOTE, Frame
 
 UNSTUFFED_TAIL_BITS: Final = 13
 """Bits from the end of the CRC to the end of the intermission."""
@@ -84,7 +84,7 @@ def _header(cob_id: int, length: int) -> _Header:
     The parts are the header's contribution to the CRC, the CRC tables of the following bytes, the row of the stuffing
     state after the header, and the number of its stuff bits.
     """
-    bits = cob_id << 7 | length
+    bits = (cob_id & COB_ID_MASK) << 7 | bool(cob_id & REMOTE) << 6 | length
     crc = 0
     for position in range(_HEADER_BITS - 1, -1, -1):
         crc = _crc_after_zeros(crc ^ (bits >> position & 1) << 14, 1)

@@ -12,7 +12,7 @@ import can
 
 from steptwin.emulator.live.live_loop import LiveLoop
 from steptwin.emulator.live.live_simulation import LiveSimulation, Sender
-from steptwin.protocol.frame import COB_ID_MASK, Frame
+from steptwin.protocol.frame import COB_ID_MASK, REMOTE, Frame
 
 WINDOW_FRAMES: Final = 16
 """Highest number of frames that wait for the simulated bus; at equal bit rates rarely more than one waits."""
@@ -71,13 +71,14 @@ class CanBridge:
                 self._take(message)
 
     def _take(self, message: can.Message) -> None:
-        classical = not (message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd)
+        classical = not (message.is_extended_id or message.is_error_frame or message.is_fd)
         if not classical or message.arbitration_id > COB_ID_MASK:
             self.foreign_frames += 1
         elif len(self._inbox) >= INBOX_MAX:
             self.overruns += 1
         else:
-            frame = Frame(message.arbitration_id, bytes(message.data))
+            remote = REMOTE if message.is_remote_frame else 0
+            frame = Frame(message.arbitration_id | remote, bytes(message.data))
             self._inbox.append(_Received(frame, self._loop.now_ns()))
             self._loop.wake()
 
@@ -97,7 +98,9 @@ class CanBridge:
         if sender is not None:
             self._waiting_frames -= 1
             return
-        message = can.Message(arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False)
+        remote = bool(frame.cob_id & REMOTE)
+        cob_id = frame.cob_id & COB_ID_MASK
+        message = can.Message(arbitration_id=cob_id, data=frame.data, is_extended_id=False, is_remote_frame=remote)
         try:
             self._bus.send(message)
         except can.CanError:

@@ -27,7 +27,7 @@ from typing import Final
 from steptwin.emulator.live.live_loop import LiveLoop
 from steptwin.emulator.live.live_simulation import Sender
 from steptwin.emulator.live.tcp_server import Client, TcpServer
-from steptwin.protocol.frame import COB_ID_MASK, Frame
+from steptwin.protocol.frame import COB_ID_MASK, REMOTE, Frame
 from steptwin.protocol.timer import COUNTS_PER_US
 
 COMMAND_MAX: Final = 512
@@ -236,7 +236,7 @@ class SocketcandServer(TcpServer[SocketcandSession]):
     # --- frames from the bus
 
     def _show(self, frame: Frame, counts: int, sender: Sender | None) -> None:
-        text = frame_text(frame, self._live.epoch_us + counts // COUNTS_PER_US)
+        text = b"" if frame.cob_id & REMOTE else frame_text(frame, self._live.epoch_us + counts // COUNTS_PER_US)
         for client in self._clients:
             if client is not sender:
                 client.session.deliver(text)

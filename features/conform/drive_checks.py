@@ -164,12 +164,14 @@ def option_codes(node: NodeUnderTest) -> None:
 def honest(node: NodeUnderTest) -> None:
     _needs_drive(node)
     supported = int.from_bytes(node.needed(_SUPPORTED), "little")
-    needed = {1: (0x607A, 0x6081, 0x6083), 3: (0x60FF, 0x606C), 6: (0x6098, 0x609A), 7: (0x60C0,), 8: (0x607A, 0x60C2)}
+    needed = {1: (0x607A, 0x6081, 0x6083), 3: (0x60FF, 0x606C), 6: (0x6098, 0x609A), 7: (0x60C1,), 8: (0x607A, 0x60C2)}
     for mode, indexes in needed.items():
         if supported >> _SUPPORT_BITS[mode] & 1:
             for index in indexes:
                 found = node.has(od.address_of(index)) or node.has(od.address_of(index, 1))
                 expect(found, f"mode {mode} is supported, and {index:04X}h is missing")
+    if supported >> _SUPPORT_BITS[7] & 1 and not node.has(od.address_of(0x60C0)):
+        raise DiffersError("mode 7 is supported without 60C0h: its sub mode is linear")
 
 
 @check("F9", "6091h, 6092h, 608Fh", "factors are above 0")

@@ -1,9 +1,11 @@
 """Checks of SYNC, TIME, EMCY, error control, NMT and storage (CiA 301)."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Final
 
 from steptwin.features.conform.check import DiffersError, SkippedError, expect, group
-from steptwin.features.conform.node import HEARTBEAT_MS, NodeUnderTest, said, u32
+from steptwin.features.conform.node import GUARD_S, HEARTBEAT_MS, HEARTBEAT_TIME, NodeUnderTest, said, u32
 from steptwin.protocol import od
 from steptwin.protocol.frame import COB_HEARTBEAT, COB_ID_INVALID, COB_NMT
 from steptwin.protocol.nmt import NmtCommand, NmtState
@@ -23,6 +25,9 @@ _EMCY_ID: Final = od.address_of(0x1014)
 _CONSUMER: Final = od.address_of(0x1016, 1)
 _SECOND_CONSUMER: Final = od.address_of(0x1016, 2)
 _STORE, _RESTORE = od.address_of(0x1010, 1), od.address_of(0x1011, 1)
+_GUARD_TIME, _LIFE_FACTOR = od.address_of(0x100C), od.address_of(0x100D)
+_LIFE_S: Final = 0.15
+"""Node life time of the check H6."""
 _OTHER_SYNC_ID: Final = 0x085
 _TIME_ID: Final = 0x100
 _JITTER: Final = 0.25
@@ -135,6 +140,51 @@ def twice(node: NodeUnderTest) -> None:
         node.download(_CONSUMER, u32(0x007D_1388))
         code = node.write_code(_SECOND_CONSUMER, u32(0x007D_1388))
     expect(code == AbortCode.INCOMPATIBLE, said(code))
+
+
+@contextmanager
+def _guarded(node: NodeUnderTest, guard_time_ms: int, factor: int) -> Iterator[None]:
+    """Switch the heartbeat off for node guarding, then on again; raise SkippedError for a node without 100Ch."""
+    for address in (_GUARD_TIME, _LIFE_FACTOR):
+        node.needed(address)
+    with node.kept(_GUARD_TIME), node.kept(_LIFE_FACTOR):
+        try:
+            node.download(HEARTBEAT_TIME, bytes(2))
+            node.download(_GUARD_TIME, guard_time_ms.to_bytes(2, "little"))
+            node.download(_LIFE_FACTOR, bytes((factor,)))
+            yield
+        finally:
+            node.produce_heartbeat()
+
+
+@error_control("H5", "7.2.8.3.2", "node guarding is answered with the state and a toggle bit that begins with 0")
+def guarding(node: NodeUnderTest) -> None:
+    node.needed(_GUARD_TIME)
+    node.reset(NmtCommand.RESET_COMMUNICATION)
+    with _guarded(node, 0, 0):
+        for toggle in (0x00, 0x80, 0x00):
+            found = node.request_state()
+            wanted = toggle | NmtState.PRE_OPERATIONAL
+            expect(found is not None, f"no answer within {GUARD_S:g} s")
+            expect(found == wanted, f"the answer is {found or 0:02X}h, not {wanted:02X}h")
+    node.wait(HEARTBEAT_MS / 1000)
+    answers = [node.request_state() for _ in range(2)]
+    toggled = any(each is not None and each & 0x80 for each in answers)
+    expect(not toggled, "a node with a heartbeat answers node guarding")
+
+
+@error_control("H6", "7.2.8.3.2", "after the node life time without a request an EMCY 8130h comes")
+def life_guarding(node: NodeUnderTest) -> None:
+    with _guarded(node, 50, 3):
+        node.wait(_LIFE_S * 2)
+        mark = node.mark()
+        expect(node.request_state() is not None, f"no answer within {GUARD_S:g} s")
+        node.wait(_LIFE_S * 2)
+        codes = [int.from_bytes(data[:2], "little") for data in node.emergencies(mark)]
+        node.request_state()
+    if not codes:
+        raise DiffersError("the node does not watch the master: no EMCY follows")
+    expect(0x8130 in codes, f"EMCY {codes[0]:04X}h, not 8130h")
 
 
 @nmt_check("N1", "7.3.2.2", "each NMT command leads to its state")

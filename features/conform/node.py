@@ -17,10 +17,12 @@ from steptwin.protocol.frame import (
     COB_EMCY,
     COB_HEARTBEAT,
     COB_ID_INVALID,
+    COB_ID_MASK,
     COB_NMT,
     COB_SDO_REQUEST,
     COB_SDO_RESPONSE,
     COB_SYNC,
+    REMOTE,
     Frame,
 )
 from steptwin.protocol.nmt import NmtCommand, NmtState, target_of
@@ -44,6 +46,8 @@ ANSWER_S: Final = 1.0
 """Time in which a server must answer."""
 BOOT_S: Final = 5.0
 """Time in which a node must send its boot-up message after a reset."""
+GUARD_S: Final = 0.2
+"""Time in which a node must answer node guarding."""
 HEARTBEAT_MS: Final = 50
 _POLL_S: Final = 0.001
 _SEGMENT_BYTES: Final = 7
@@ -75,7 +79,9 @@ class Traffic(NamedTuple):
 
     def __str__(self) -> str:
         direction = ">" if self.sent else "<"
-        return f"{self.t_s:.6f} {direction} {self.frame.cob_id:03X} [{len(self.frame.data)}] {self.frame.data.hex(' ')}"
+        cob_id, data = self.frame
+        content = "remote" if cob_id & REMOTE else f"[{len(data)}] {data.hex(' ')}"
+        return f"{self.t_s:.6f} {direction} {cob_id & COB_ID_MASK:03X} {content}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +148,14 @@ class NodeUnderTest:
         """Send a frame."""
         self.traffic.append(Traffic(self._link.now_s(), True, Frame(cob_id, data)))
         self._link.network.send_message(cob_id, data)
+
+    def request_state(self) -> int | None:
+        """Ask for the NMT state by node guarding; return the answer's byte, None without an answer."""
+        mark, cob_id = self.mark(), COB_HEARTBEAT + self.node_id
+        self.traffic.append(Traffic(self._link.now_s(), True, Frame(REMOTE | cob_id, b"")))
+        self._link.network.send_message(cob_id, b"\0", remote=True)
+        answer = self.within(GUARD_S, mark, cob_id)
+        return answer.frame.data[0] if answer and len(answer.frame.data) == 1 else None
 
     def wait(self, dt_s: float) -> None:
         """Wait, and receive what comes."""

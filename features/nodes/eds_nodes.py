@@ -38,6 +38,8 @@ from steptwin.protocol.frame import (
     HOST_NODE_ID,
     NODE_ID_MAX,
 )
+from steptwin.protocol.objects import DUMMY_BITS
+from steptwin.protocol.sdo_frames import AbortCode
 
 EDS_BYTES_MAX: Final = 4 << 20
 """Largest EDS that is read; those of large drives have some 500 kB."""
@@ -63,9 +65,17 @@ def read_node(node_id: int, path: Path | str, axes: int) -> NodeDescription:
         entries = entries_of(sections, node_id)
         if not entries:
             raise InputError("has no objects, so it is no EDS")
-        description = NodeDescription(node_id, str(path), entries)
+        description = NodeDescription(node_id, str(path), entries, _dummies(sections))
         _check_pdos(NodeObjects(description))
         return description
+
+
+def _dummies(sections: Mapping[str, EdsSection]) -> frozenset[int]:
+    """Return the data types that RPDOs may map as dummies: those that [DummyUsage] names with 1; all without it."""
+    section = sections.get("dummyusage")
+    if section is None:
+        return frozenset(DUMMY_BITS)
+    return frozenset(index for index in DUMMY_BITS if section.number(f"Dummy{index:04X}"))
 
 
 def _check_id(node_id: int, axes: int) -> None:
@@ -87,9 +97,15 @@ def _check_pdos(objects: NodeObjects) -> None:
                 place = od.address_of(mapping, subindex)
                 word = objects.get(place)
                 bits += word & 0xFF
-                if objects.why_not_mapped(word, received=received) is not None:
+                why = objects.why_not_mapped(word, received=received)
+                if why is not None:
                     what = f"{od.place_text(word >> 8)} with {word & 0xFF} bits"
-                    raise InputError(f"{od.place_text(place)} maps {what}, which such a PDO cannot carry")
+                    reason = "such a PDO cannot carry"
+                    if why is not AbortCode.CANNOT_BE_MAPPED:
+                        reason = "the file does not describe"
+                    elif word >> 16 in DUMMY_BITS:
+                        reason = "[DummyUsage] does not allow"
+                    raise InputError(f"{od.place_text(place)} maps {what}, which {reason}")
             if bits > PDO_BITS_MAX:
                 raise InputError(f"0x{mapping:04X} maps {bits} bits, more than {PDO_BITS_MAX}")
 

@@ -1,7 +1,7 @@
 """A simple node's object dictionary: entries as data, and their checked values."""
 
 import struct
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import Final
@@ -132,11 +132,12 @@ def _text_of(data: bytes) -> str:
 
 @dataclass(frozen=True, slots=True)
 class NodeDescription:
-    """A simple node: its id, the file that describes it, and its entries by address."""
+    """A simple node: its id, the file that describes it, its entries by address, and the dummies that RPDOs may map."""
 
     node_id: int
     source: str
     entries: Mapping[int, NodeEntry]
+    dummies: Collection[int] = frozenset(DUMMY_BITS)
 
 
 class NodeCell:
@@ -178,6 +179,7 @@ class NodeObjects:
 
     def __init__(self, description: NodeDescription) -> None:
         self.entries: Mapping[int, NodeEntry] = description.entries
+        self._dummies = description.dummies
         self.changed: Callable[[int], None] = _ignore
         self.check: Callable[[int, int], None] = lambda _address, _value: None
         self._indices = frozenset(address >> 8 for address in self.entries)
@@ -212,7 +214,7 @@ class NodeObjects:
         cell = self._cells.get(address)
         return 0 if cell is None else cell.value
 
-    def cell(self, address: int) -> NodeCell:
+    def bus_cell(self, address: int) -> NodeCell:
         """Return the cell of a number; raise KeyError if the address has none."""
         return self._cells[address]
 
@@ -230,7 +232,7 @@ class NodeObjects:
         """Return why a PDO cannot carry the object of a mapping's word; None if it can."""
         address, bits = word >> 8, word & 0xFF
         if received and DUMMY_BITS.get(address >> 8) == bits and not address & 0xFF:
-            return None
+            return None if address >> 8 in self._dummies else AbortCode.CANNOT_BE_MAPPED
         entry = self.entries.get(address)
         if entry is None:
             return AbortCode.NO_SUBINDEX if address >> 8 in self._indices else AbortCode.NO_OBJECT

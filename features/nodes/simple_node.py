@@ -31,9 +31,10 @@ from steptwin.protocol.frame import (
     COB_SDO_REQUEST,
     COB_SDO_RESPONSE,
     COB_SYNC,
+    REMOTE,
     Frame,
 )
-from steptwin.protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, command_for, target_of
+from steptwin.protocol.nmt import GuardedNode, HeartbeatProducer, NmtCommand, NmtState, command_for, target_of
 from steptwin.protocol.objects import ANY_CHANGE
 from steptwin.protocol.pdo import PdoParameters, ReceivePdo, TransmitPdo, act_on_sync
 from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
@@ -72,6 +73,7 @@ class SimpleNode:
         self._sync_cob_id = COB_SYNC
         self._sdo = SdoServer(objects)
         self._heartbeat = HeartbeatProducer()
+        self._guarded = GuardedNode()
         self._receive_pdos: list[ReceivePdo] = []
         self._transmit_pdos: list[TransmitPdo] = []
         self._pdo_errors: dict[int, ErrorCode] = {}
@@ -194,7 +196,8 @@ class SimpleNode:
         self._transmit_pdos = [TransmitPdo(objects, each, now_us, overflow, announced=None) for each in transmit]
         self._sync_cob_id = (objects.get(od.SYNC_COB_ID) or COB_SYNC) & COB_ID_MASK
         taken = (pdo.cob_id & COB_ID_MASK for pdo in self._receive_pdos if pdo.exists)
-        self._accepted = frozenset((COB_NMT, COB_SDO_REQUEST + self.node_id, self._sync_cob_id, *taken))
+        services = COB_NMT, COB_SDO_REQUEST + self.node_id, self._sync_cob_id, REMOTE | COB_HEARTBEAT + self.node_id
+        self._accepted = frozenset((*services, *taken))
         self._rebuild_due = False
 
     def _count_refused(self, _word: int) -> None:
@@ -259,6 +262,8 @@ class SimpleNode:
             if self.nmt_state is not NmtState.STOPPED:
                 for answer in self._sdo.handle(frame.data):
                     self._send(Frame(COB_SDO_RESPONSE + self.node_id, answer), now_counts)
+        elif frame.cob_id & REMOTE:
+            self._answer_guarding(now_counts)
         elif self.nmt_state is NmtState.OPERATIONAL:
             if frame.cob_id == self._sync_cob_id:
                 self._on_sync(frame.data, now_counts)
@@ -266,6 +271,17 @@ class SimpleNode:
                 if pdo.exists and pdo.cob_id & COB_ID_MASK == frame.cob_id:
                     self._take(number, pdo.receive(frame.data))
         self._end_call(now_counts)
+
+    def _answer_guarding(self, now_counts: int) -> None:
+        """Answer a request of node guarding, if the node has a guard time (100Ch) and sends no heartbeats."""
+        get = self._objects.get
+        if od.GUARD_TIME not in self._objects.entries or self._heartbeat.period_us:
+            return
+        life_time_us = _MS_US * get(od.GUARD_TIME) * get(od.LIFE_TIME_FACTOR)
+        if self._guarded.lost:
+            self.emergency(ErrorCode.NONE, 0)
+        answer = self._guarded.answer(self.nmt_state, life_time_us, self._now_us)
+        self._send(Frame(COB_HEARTBEAT + self.node_id, answer), now_counts)
 
     def _obey(self, command: NmtCommand, now_counts: int) -> None:
         target = target_of(command)
@@ -309,6 +325,8 @@ class SimpleNode:
         self._now_us = now_counts // COUNTS_PER_US
         if self._heartbeat.poll(self._now_us):
             self._send(Frame(COB_HEARTBEAT + self.node_id, bytes((self.nmt_state,))), now_counts)
+        if self._guarded.poll(self._now_us):
+            self.emergency(ErrorCode.HEARTBEAT_LOST, _COMMUNICATION_ERROR)
         if self.nmt_state is NmtState.OPERATIONAL:
             for pdo in self._transmit_pdos:
                 frame = pdo.poll(self._now_us) if pdo.exists else None
@@ -323,11 +341,12 @@ class SimpleNode:
         if self._heartbeat_due:
             self._heartbeat_due = False
             self._heartbeat.set_period(self._objects.get(od.PRODUCER_HEARTBEAT_TIME) * _MS_US, self._now_us)
+            self._guarded.restart()
         outside, self._outside = self._outside, []
         if self.nmt_state is not NmtState.STOPPED:
             for frame in outside:
                 self._send(frame, now_counts)
-        dues_us = [self._heartbeat.due_us]
+        dues_us = [self._heartbeat.due_us, self._guarded.due_us]
         if self.nmt_state is NmtState.OPERATIONAL:
             dues_us += [pdo.due_us for pdo in self._transmit_pdos if pdo.exists]
         known = [due_us for due_us in dues_us if due_us is not None]

@@ -43,6 +43,7 @@ ERRORS: Final[dict[ErrorCode, str]] = {
     ErrorCode.SEGMENT_REFUSED: "a part of the motion was refused",
     ErrorCode.LATE_STEP: "a step came too late",
     ErrorCode.HOMING_FAILED: "homing has failed",
+    ErrorCode.TORQUE_OFF: "safe torque off is requested",
 }
 """Drive errors for operators."""
 
@@ -51,6 +52,7 @@ STOP_PRESSED: Final = "the machine's emergency stop is pressed"
 
 HINDRANCES: Final[dict[DigitalInput, str]] = {
     DigitalInput.ESTOP: STOP_PRESSED,
+    DigitalInput.TORQUE_OFF: "safe torque off is requested",
     DigitalInput.DRIVER_PROTECT: "its driver protects itself, as when it is too hot",
     DigitalInput.DRIVER_FAULT: "its driver has switched itself off: a short circuit, too much current, heat or voltage",
 }

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from steptwin.host.verify.comparison import Comparison
     from steptwin.host.verify.figures import ReportFigure, SeenAxis
     from steptwin.protocol.drivers import DriverProfile
+    from steptwin.protocol.object_view import ObjectView
 
 GROUP: Final = "steptwin.features"
 
@@ -303,6 +304,8 @@ class Feature:
         kernels: returns what makes its forms of the firmware's kernel, by name; they raise InputError if they cannot.
         program: returns what makes the program that each board of a machine runs instead of our firmware, from its
             options; None if there is none.
+        object_view: returns the objects that boards with our firmware show on the bus in place of its own, from robot
+            and options; None for its own.
         part: returns its part of a machine from robot, joints at power-up, axes of each board, options and the inputs
             for which the motion waits (None: unknown); None if the machine has no such part.
         expected: returns what a motion is planned to leave, from robot, motion and options; None for nothing.
@@ -345,6 +348,7 @@ class Feature:
     replayed: "Callable[[Table], Any] | None" = None
     kernels: "Callable[[], Mapping[str, Callable[[], Kernel]]] | None" = None
     program: "Callable[[Any], Callable[[], BoardProgram] | None] | None" = None
+    object_view: "Callable[[Robot, Any], ObjectView | None] | None" = None
     part: MakePart | None = None
     expected: "Callable[[Robot, Motion, Any], Any] | None" = None
     judge: "Callable[[], FeatureJudge] | None" = None

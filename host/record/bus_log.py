@@ -11,14 +11,14 @@ from typing import Final
 from steptwin.host.common.errors import InputError, RecordingError
 from steptwin.host.common.file_limits import LOG_LINE_CHARS_MAX
 from steptwin.host.common.own_files import growing_file, only_files
-from steptwin.protocol.frame import Frame
+from steptwin.protocol.frame import COB_ID_MASK, REMOTE, Frame
 from steptwin.protocol.timer import COUNTS_PER_US
 
 CHANNEL: Final = "steptwin0"
 
 SHOWN_BY_CANDUMP: Final = "is what candump shows to people: `candump -L can0 > bus.log` writes what is read"
 _SHOWN: Final = re.compile(r"\s*(\([^)]*\)\s+)?\S+\s+([RT]X\s.*)?[0-9A-Fa-f]{3,8}\s+\[[0-9]{1,2}\]")
-_LINE: Final = re.compile(r"\((\d{1,10})\.(\d{6})\) \S+ ([0-7][0-9A-F]{2})#((?:[0-9A-F]{2}){0,8})\n?")
+_LINE: Final = re.compile(r"\((\d{1,10})\.(\d{6})\) \S+ ([0-7][0-9A-F]{2})#(R|(?:[0-9A-F]{2}){0,8})\n?")
 """A frame with an 11-bit identifier; ten digits of seconds are 317 years, which int64 holds in counts."""
 
 _CHUNK_BYTES: Final = 1 << 20
@@ -27,7 +27,8 @@ _CHUNK_BYTES: Final = 1 << 20
 def log_line(counts: int, frame: Frame) -> str:
     """Return the line of a frame, its instant rounded down to the microsecond."""
     us = counts // COUNTS_PER_US
-    return f"({us // 1_000_000:010d}.{us % 1_000_000:06d}) {CHANNEL} {frame.cob_id:03X}#{frame.data.hex().upper()}\n"
+    content = "R" if frame.cob_id & REMOTE else frame.data.hex().upper()
+    return f"({us // 1_000_000:010d}.{us % 1_000_000:06d}) {CHANNEL} {frame.cob_id & COB_ID_MASK:03X}#{content}\n"
 
 
 class BusLog:
@@ -79,7 +80,9 @@ def read_frames(log: Path, frames: int | None = None) -> Iterator[tuple[int, Fra
                 why = SHOWN_BY_CANDUMP if is_shown_by_candump(line) else "is not in candump's format"
                 raise InputError(f"{log}: line {number}: {why}")
             us = int(match[1]) * 1_000_000 + int(match[2])
-            yield us * COUNTS_PER_US, Frame(int(match[3], 16), bytes.fromhex(match[4]))
+            remote = match[4] == "R"
+            frame = Frame(int(match[3], 16) | (REMOTE if remote else 0), b"" if remote else bytes.fromhex(match[4]))
+            yield us * COUNTS_PER_US, frame
 
 
 def is_shown_by_candump(line: str) -> bool:

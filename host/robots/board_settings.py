@@ -168,6 +168,7 @@ class BoardSettings(FileTable):
         idle_percent: part of the current that flows at standstill, for drivers with a switch for it.
         fast_decay_percent: part of a chopping period with fast decay, for drivers with a switch for it.
         fault_wired: the drivers' fault outputs are wired to the board, for drivers that have one.
+        personality: name of the drive whose objects the board shows on the bus, or a file of objects.
 
     Raises:
         InputError: a value out of range, pulses too long for the step rate, or too short for the named drivers' chip.
@@ -187,6 +188,7 @@ class BoardSettings(FileTable):
     idle_percent: int | None = None
     fast_decay_percent: int | None = None
     fault_wired: bool | None = None
+    personality: str | None = None
     may_lack: ClassVar[tuple[str, ...]] = ("osc_pf", *PULSE_KEYS)
 
     @classmethod

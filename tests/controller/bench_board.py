@@ -6,7 +6,9 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.node.firmware import Firmware
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, State, Status
+from steptwin.protocol.dictionary import FlashPage
 from steptwin.protocol.frame import Frame
+from steptwin.protocol.object_view import ObjectView
 from steptwin.protocol.pvt import PvtRecord
 from tests.controller.units import MS
 
@@ -23,8 +25,9 @@ class BenchBoard:
 
     longest_s = 200.0
 
-    def __init__(self, kernel: Kernel, axes: int = 1) -> None:
-        self.firmware = Firmware(kernel, axes)
+    def __init__(self, kernel: Kernel, axes: int = 1, view: ObjectView | None = None, microsteps: int = 16) -> None:
+        flash = [FlashPage({od.MICROSTEPS: microsteps}) for _ in range(axes)] if microsteps != 16 else None
+        self.firmware = Firmware(kernel, axes, flash, view=view)
         self.now = 0
         self._calls_at_once = 0
         self.sent: list[tuple[int, Frame]] = []

@@ -15,6 +15,7 @@ from docs.generate.machine_pages import FAULTS_PAGE, RUN_FOLDER_PAGE
 from docs.generate.masters_page import MASTERS_PAGE
 from docs.generate.paper_pages import PAPERS, PAPERS_FOLDER, render_paper
 from docs.generate.paper_results import SAMPLED
+from docs.generate.personalities_page import PERSONALITIES_PAGE
 from docs.generate.programs_page import PROGRAMS_PAGE
 from docs.generate.protocol import PROTOCOL_PAGE
 from docs.generate.robot_drawings import ROBOT_FILES_PAGE, drawing
@@ -61,6 +62,10 @@ def test_the_page_of_masters_is_up_to_date() -> None:
 
 def test_the_page_of_programs_is_up_to_date() -> None:
     assert PROGRAMS_PAGE.render() == PROGRAMS_PAGE.path.read_text(encoding="utf-8")
+
+
+def test_the_page_of_personalities_is_up_to_date() -> None:
+    assert PERSONALITIES_PAGE.render() == PERSONALITIES_PAGE.path.read_text(encoding="utf-8")
 
 
 def test_the_page_of_the_run_folder_is_up_to_date() -> None:

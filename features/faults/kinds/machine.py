@@ -61,6 +61,33 @@ class EmergencyStop(BoardFault):
         return f"emergency stop: {'pressed' if state.estop else 'released'}"
 
 
+@dataclass(frozen=True, slots=True)
+class SafeTorqueOff(BoardFault):
+    """Safe torque off (STO) is requested, or the request ends.
+
+    All axes of the board see it.
+    """
+
+    do = "torque-off"
+    reactions = (
+        Documented(
+            "safe torque off requested",
+            Reaction(MotionEffect.CUT, (ErrorCode.TORQUE_OFF,), State.SWITCH_ON_DISABLED, TICK_MS),
+            "no fault: drives can be switched on again when the request ends",
+            lambda fault, _: fault.requested,
+        ),
+        Documented("safe torque off no longer requested", GOES_ON),
+    )
+
+    requested: bool
+
+    def apply_to(self, board: "Board", _now_counts: int) -> None:
+        board.inputs.torque_off = self.requested
+
+    def undo(self, before: "BoardEnvironment") -> "SafeTorqueOff":
+        return SafeTorqueOff(before.torque_off)
+
+
 SUPPLY_RANGE_10MV: Final = range(1000, 3401)
 """Motor supply with drives on: 0x2002:03 and :04 after power-up."""
 TEMPERATURE_MAX_DECIDEGC: Final = 850

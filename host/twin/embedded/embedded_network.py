@@ -19,7 +19,7 @@ from steptwin.emulator.simulation import BusOverloadError, Simulation
 from steptwin.host.client.links import Clock
 from steptwin.host.client.waiting import wait_until
 from steptwin.host.common.errors import BusError
-from steptwin.protocol.frame import Frame
+from steptwin.protocol.frame import REMOTE, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND, COUNTS_PER_US
 
 _POLL_S: Final = 0.001
@@ -54,7 +54,8 @@ class RepeatedFrames:
 
     def send_periodic(self, message: can.Message, period_s: float) -> _Repeated:
         """Repeat a frame from now on, until `stop` of the returned object."""
-        frame = Frame(message.arbitration_id, bytes(message.data))
+        remote = REMOTE if message.is_remote_frame else 0
+        frame = Frame(message.arbitration_id | remote, bytes(message.data))
         repeated = _Repeated(frame, whole_us_counts(period_s), self._simulation.now_counts)
         self._repeated.append(repeated)
         self.due_counts = repeated.due_counts
@@ -146,24 +147,21 @@ class EmbeddedNetwork(canopen.Network):
         super().subscribe(can_id, callback)
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """Send a data frame, and let simulated time pass until the bus is silent.
+        """Send a frame, and let simulated time pass until the bus is silent; a remote frame carries no data.
 
         Raises:
             BusError: the nodes' own frames keep the bus busy for ever.
-            ValueError: the frame is a remote frame, which this bus does not have.
         """
-        if remote:
-            raise ValueError("the simulated board answers no remote frames; CiA 301 advises against them")
         due_counts = self._repeated.due_counts
         if due_counts is not None and due_counts <= self._simulation.now_counts:
             self._send_due()
         try:  # not by a method of our own, which would cost a call for every frame
-            self._simulation.send(Frame(can_id, bytes(data)))
+            self._simulation.send(Frame(can_id | REMOTE, b"") if remote else Frame(can_id, bytes(data)))
         except BusOverloadError as error:
             raise BusError(str(error)) from error
 
     def send_periodic(self, can_id: int, data: bytes, period: float, remote: bool = False) -> PeriodicMessageTask:
-        """Repeat a data frame every `period` seconds of simulated time, from now on."""
+        """Repeat a frame every `period` seconds of simulated time, from now on."""
         task = PeriodicMessageTask(can_id, data, period, self._repeated, remote)
         self._send_due()
         return task

@@ -19,7 +19,7 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.embedded.outcome import Outcome, RunEnd, RunFault, not_begun
 from steptwin.host.twin.machine.input_changes import InputChange
-from steptwin.host.twin.machine.machine_options import MachineKeywords, MachineOptions
+from steptwin.host.twin.machine.machine_options import MachineKeywords, MachineOptions, object_view
 from steptwin.host.verify import Comparison, Expectation, Report, RunInfo, compare, verify_comparison
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -53,7 +53,7 @@ def execute(
     Raises:
         InputError: the machine is not at the plan's start, the stream is cut outside the motion, drivers, their
             switches, or an input do not exist, a feature's options do not fit, the boards' axes do not match the
-            robot's, a crystal is too far off, or the boards run other firmware.
+            robot's, a crystal is too far off, or the boards run other firmware or show other objects.
         DeviceFaultError, BusError: the setup failed, or no motion began; also a `NotBegunError` if features have
             verdicts. A fault during motion is part of the outcome instead.
     """
@@ -61,6 +61,8 @@ def execute(
     options = MachineOptions(**machine)
     if options.program() is not None:
         raise InputError("firmware: a run's host speaks to StepTwin's firmware only")
+    if object_view(robot, options) is not None:
+        raise InputError("personality: a run's host needs StepTwin's own objects; `steptwin serve` shows others")
     if options.stand_at is None:
         options = replace(options, stand_at=plan.start_joints)
     else:

@@ -8,7 +8,7 @@ begins with a new board instead, with factory defaults, and writes every setting
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import pairwise
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from steptwin.host.operate.setting_up import axis_settings
 from steptwin.host.robots.joint import Joint, Transmission
 from steptwin.host.robots.robot import AXES_MAX, Robot
 from steptwin.host.twin.machine.drivers import driver_profile, fitted_module, switched_microsteps
-from steptwin.host.twin.machine.machine_options import AS_FILED, MachineOptions
+from steptwin.host.twin.machine.machine_options import AS_FILED, MachineOptions, object_view
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.dictionary import FlashPage
@@ -112,6 +112,7 @@ def board_configs(robot: Robot, options: MachineOptions = AS_FILED) -> list[Boar
     axes_per_board = options.boards_of(robot)
     stands_at = zip(robot.axes, steps_at_joints(robot, options.joints(robot)), strict=True)
     profile = driver_profile(robot.board, options.driver_profile)
+    view = object_view(robot, options)
     substeps = profile.chip.substeps
     start_substeps = [steps * substeps // joint.transmission.microsteps for joint, steps in stands_at]
     microsteps = switched_microsteps(robot, profile, options.dip_microsteps or {})
@@ -126,6 +127,7 @@ def board_configs(robot: Robot, options: MachineOptions = AS_FILED) -> list[Boar
                 modules=modules[first : first + axes],
                 first_node_id=FIRST_NODE_ID + first,
                 switches=tuple(_switches(robot, first, first + axes, substeps)),
+                view=view,
                 travels=tuple(_travel(robot, axis, first, first + axes) for axis in range(first, first + axes)),
                 start_substeps=tuple(start_substeps[first : first + axes]),
                 crystal_ppm=crystal_ppm,
@@ -176,10 +178,17 @@ def _travel(robot: Robot, axis: int, first: int, end: int) -> Travel:
 # --- boards
 
 
-def commissioned_flash(robot: Robot, joints: Sequence[Joint]) -> list[FlashPage]:
-    """Return the flash pages of a board with the settings of these joints of a robot."""
+_OF_THE_BOARD: Final = range(0x2000, 0x6000)
+"""Indexes of the settings that a board keeps whatever objects it shows on the bus."""
+
+
+def commissioned_flash(robot: Robot, joints: Sequence[Joint], *, board_only: bool = False) -> list[FlashPage]:
+    """Return the flash pages of a board with the settings of these joints, or with those of its drivers alone."""
     texts = {od.ROBOT_NAME: stored_name(robot.name)}
-    return [FlashPage(dict(axis_settings(joint, robot.board).objects()), dict(texts)) for joint in joints]
+    settings = [dict(axis_settings(joint, robot.board).objects()) for joint in joints]
+    if board_only:
+        settings = [{at: value for at, value in each.items() if at >> 8 in _OF_THE_BOARD} for each in settings]
+    return [FlashPage(each, dict(texts)) for each in settings]
 
 
 def make_boards(
@@ -205,5 +214,6 @@ def make_boards(
         return [make_board(config, kernel) for config in configs]
     firsts = [config.first_node_id - FIRST_NODE_ID for config in configs]
     driven = [robot.axes[first:last] for first, last in pairwise((*firsts, len(robot.axes)))]
-    flashes = [commissioned_flash(robot, joints) for joints in driven]
+    shown = [config.view is not None for config in configs]
+    flashes = [commissioned_flash(robot, joints, board_only=each) for joints, each in zip(driven, shown, strict=True)]
     return [make_board(config, kernel, flash) for config, flash in zip(configs, flashes, strict=True)]

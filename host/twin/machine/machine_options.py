@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from steptwin.emulator.board.board_firmware import BoardProgram
     from steptwin.host.robots.robot import Robot
     from steptwin.protocol.drivers import DriverProfile
+    from steptwin.protocol.object_view import ObjectView
 
 
 class Spelling(NamedTuple):
@@ -255,6 +256,21 @@ class MachineOptions:
         if len(programs) > 1:
             raise InputError(f"{' and '.join(programs)}: each gives the board's program: leave one of them out")
         return next(iter(programs.values()), None)
+
+
+def object_view(robot: "Robot", options: MachineOptions) -> "ObjectView | None":
+    """Return the objects that a machine's boards show in place of our firmware's own; None for these.
+
+    Raises:
+        InputError: there are no such objects, or two features give some.
+    """
+    made = {feature.name: make(robot, feature.options_in(options.extras)) for feature, make in giving("object_view")}
+    views = {name: view for name, view in made.items() if view is not None}
+    if len(views) > 1:
+        raise InputError(f"{' and '.join(views)}: each gives the boards' objects: leave one of them out")
+    if not views and robot.board.personality is not None:
+        raise InputError(f"board.personality: {robot.board.personality!r} needs a feature that is not installed")
+    return next(iter(views.values()), None)
 
 
 def read_extras(extras: Sequence[Any], robot: "Robot", folder: Path = Path()) -> tuple[Any, ...]:

@@ -38,6 +38,7 @@ def pdo_rules() -> Iterator[tuple[tuple[int, int], Outcome]]:
 
 RULES: dict[tuple[int, int], Outcome] = {
     **{(index, i): (AbortCode.NOT_STORED,) * 2 for index in (0x1010, 0x1011) for i in range(1, 5)},  # no signature
+    (0x1012, 0): (RANGE, RANGE),  # neither value is TIME's COB-ID
     (0x1014, 0): (RANGE, RANGE),  # neither value is a COB-ID
     (0x2010, 3): (STATE, STATE),  # no axis interpolates: there is no motion to make slower or faster
     (0x6060, 0): (RANGE, RANGE),  # neither value is a mode

@@ -41,6 +41,7 @@ OFF = {
 """Limits and windows, and the number that switches each off, as after power-up."""
 SETTINGS = (
     *OFF,
+    0x2011_00,
     0x607A_00,
     0x607C_00,
     0x607F_00,

@@ -63,7 +63,7 @@ def test_our_axis_passes(board: BoardUnderTest, axis: Description) -> None:
     assert results(done, CheckResult.FAILED) == {}
     assert list(results(done, CheckResult.DIFFERS)) == ["D8"]
     assert results(done, CheckResult.SKIPPED) == {"Y1": "0x1005 is read-only"}
-    assert len(results(done, CheckResult.PASSED)) == 61
+    assert len(results(done, CheckResult.PASSED)) == 63
     assert board.violations() == []
 
 
@@ -120,6 +120,16 @@ def boots_twice(cob_id: int, data: bytes) -> list[bytes]:
     return [data, data] if (cob_id, data) == (0x700 + AXIS, b"\0") else [data]
 
 
+def stuck_guard(cob_id: int, data: bytes) -> list[bytes]:
+    """The toggle bit of node guarding stays 0."""
+    return [bytes((data[0] & 0x7F,))] if cob_id == 0x700 + AXIS else [data]
+
+
+def no_loss(cob_id: int, data: bytes) -> list[bytes]:
+    """A lost master is reported with a code of its own."""
+    return [b"\x00\xff" + data[2:]] if cob_id == 0x080 + AXIS and data[:2] == b"\x30\x81" else [data]
+
+
 def wrong_state(cob_id: int, data: bytes) -> list[bytes]:
     """A heartbeat that never says STOPPED."""
     return [b"\x05"] if (cob_id, data) == (0x700 + AXIS, b"\x04") else [data]
@@ -165,6 +175,8 @@ def never_enabled(_cob_id: int, data: bytes) -> list[bytes]:
         (boots_twice, "H1", "2 boot-up messages after RESET_COMMUNICATION"),
         (wrong_state, "N1", "after STOP the heartbeat says 05h, not 04h"),
         (wrong_state, "H2", None),
+        (stuck_guard, "H5", "the answer is 7Fh, not FFh"),
+        (no_loss, "H6", "EMCY FF00h, not 8130h"),
         (late_heartbeat, "H2", "the period in OPERATIONAL is 100.0 ms, not 50"),
         (short_pdo, "P11", None),
         (doubled_pdo, "P12", "6 frames 190h at nine SYNCs"),
@@ -225,5 +237,5 @@ def test_a_node_that_is_not_there_a_drive_that_is_on_and_another_master_are_refu
 
 def test_each_check_has_an_id_of_its_own_and_a_title_that_is_one_line() -> None:
     checks = ordered()
-    assert len({check.id for check in checks}) == len(checks) == 63
+    assert len({check.id for check in checks}) == len(checks) == 65
     assert all(check.title and "\n" not in check.title and check.clause for check in checks)

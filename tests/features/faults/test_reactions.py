@@ -56,6 +56,8 @@ SHORTED = 'do = "short-circuit"\njoint = "th2"\nshorted = true'
 CASES = [
     Case("emergency stop pressed", 'do = "estop"\npressed = true', STOPS, (100, 110)),
     Case("emergency stop pulled out", 'do = "estop"\npressed = false', GOES),
+    Case("safe torque off requested", 'do = "torque-off"\nrequested = true', STOPS, (0, 0.25)),
+    Case("safe torque off no longer requested", 'do = "torque-off"\nrequested = false', GOES),
     Case("motor supply below 10.00 V", 'do = "supply"\nsupply_v = 9.99', STOPS, (0, 0.25)),
     Case("motor supply from 10.00 to 34.00 V", 'do = "supply"\nsupply_v = 10', GOES),
     Case("motor supply from 10.00 to 34.00 V", 'do = "supply"\nsupply_v = 34', GOES),

@@ -389,6 +389,7 @@ def test_a_fault_is_the_request_that_asks_for_it(fault: Fault) -> None:
 
 ASKED: dict[str, dict[str, Any]] = {
     "estop off": {"pressed": False},
+    "torque-off on": {"requested": True},
     "supply 9": {"supply_v": 9},
     "temperature -20": {"temperature_degc": -20},
     "protect th2 on": {"joint": "th2", "held": True},

@@ -10,7 +10,9 @@ from canopen.objectdictionary import ODVariable, eds
 from steptwin.features.nodes.eds_nodes import ENTRIES_MAX, read_node
 from steptwin.features.nodes.node_objects import NodeEntry, NodeObjects
 from steptwin.host.common.errors import InputError
+from steptwin.protocol.objects import DUMMY_BITS
 from tests.features.nodes.test_simple_node import EDS
+from tests.messages import refusing
 
 NODE_ID = 0x25
 HEAD = """[DeviceInfo]
@@ -214,3 +216,54 @@ def test_the_canopen_library_reads_the_same() -> None:
             if entry is not None and variable.default is not None:
                 default = int(variable.default) - (1 << 32) if variable.default == 0xFFFF_FFFF else variable.default
                 assert (entry.default, entry.low, entry.high) == (default, variable.min, variable.max)
+
+
+MAPPED = """[1400]
+ParameterName=RPDO
+ObjectType=9
+[1400sub0]
+ParameterName=Number
+DataType=5
+AccessType=const
+DefaultValue=2
+[1400sub1]
+ParameterName=COB-ID
+DataType=7
+AccessType=rw
+DefaultValue=$NODEID+0x80000200
+[1600]
+ParameterName=Mapping
+ObjectType=9
+[1600sub0]
+ParameterName=Number
+DataType=5
+AccessType=rw
+[1600sub1]
+ParameterName=First
+DataType=7
+AccessType=rw
+"""
+
+
+@pytest.mark.parametrize(
+    ("usage", "allowed"),
+    [
+        ("", {1, 2, 3, 4, 5, 6, 7}),
+        ("[DummyUsage]\n", set()),
+        ("[DummyUsage]\nDummy0002=1\nDummy0005=1\nDummy0006=0\n", {2, 5}),
+        ("[dummyusage]\nDUMMY0007=0x1\n", {7}),
+    ],
+    ids=["no-section", "empty", "gaps", "other-letters"],
+)
+def test_dummies_are_those_that_the_file_allows(tmp_path: Path, usage: str, allowed: set[int]) -> None:
+    path = tmp_path / "a.eds"
+    path.write_text(HEAD + MAPPED + usage, encoding="latin-1")
+    objects = NodeObjects(read_node(NODE_ID, path, axes=4))
+    words = {index: index << 16 | bits for index, bits in DUMMY_BITS.items()}
+    assert {index for index, word in words.items() if objects.why_not_mapped(word, received=True) is None} == allowed
+
+
+def test_a_mapping_of_a_dummy_that_the_file_does_not_allow_is_refused(tmp_path: Path) -> None:
+    mapped = MAPPED.replace("AccessType=rw\n[1600sub1]", "AccessType=rw\nDefaultValue=1\n[1600sub1]")
+    with refusing(InputError):
+        entries(tmp_path, f"{mapped}DefaultValue=0x00050008\n[DummyUsage]\nDummy0005=0\n")

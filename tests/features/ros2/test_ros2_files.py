@@ -45,7 +45,7 @@ class Motor:
     def __init__(self, board: BoardUnderTest, folder: Path) -> None:
         """Configure the node as the master does at boot: each write of its concise DCF."""
         self.board = board
-        self.control = self.mode = self.target = 0
+        self.control = self.mode = self.target = self.velocity = 0
         node = board.network.add_node(NODE)
         node.sdo.RESPONSE_TIMEOUT = 1.0
         for address, data in concise(folder / "th1.bin"):
@@ -56,7 +56,7 @@ class Motor:
         """Send both PDOs and a SYNC, and wait a period."""
         send = self.board.network.send_message
         send(0x200 + NODE, struct.pack("<Hb", self.control, self.mode))
-        send(0x300 + NODE, struct.pack("<ii", self.target, 0))
+        send(0x300 + NODE, struct.pack("<ii", self.target, self.velocity))
         send(0x080, b"")
         self.board.wait(PERIOD_S)
 
@@ -130,6 +130,28 @@ def test_the_drivers_cycle_enables_homes_and_moves_an_axis(fast_kernel: Kernel, 
     for _ in range(5):
         motor.cycle()
     assert motor.position == pytest.approx(begin - 100 * way // 200, abs=STEP_UNITS)
+    assert board.violations() == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", [3, 9], ids=["pv", "csv"])
+def test_the_drivers_cycle_moves_an_axis_by_velocity(fast_kernel: Kernel, configured: Path, mode: int) -> None:
+    """Each cycle sends the target velocity; the first one that counts comes after the mode is on."""
+    board = BoardUnderTest(ROBOT, kernel=fast_kernel)
+    motor = Motor(board, configured)
+    motor.enable()
+    motor.switch_to(mode)
+    begin = motor.position
+    speed = round(0.2 * scale_to_dev(ROBOT.joints[0]))
+    motor.velocity = speed
+    for _ in range(100):
+        motor.cycle()
+    assert motor.told(0x280, "<ii")[1] == pytest.approx(speed, rel=0.02)
+    motor.velocity = 0
+    for _ in range(100):
+        motor.cycle()
+    assert motor.told(0x280, "<ii")[1] == 0
+    assert motor.position - begin == pytest.approx(speed, rel=0.1), "two ramps"
     assert board.violations() == []
 
 

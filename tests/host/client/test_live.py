@@ -127,17 +127,24 @@ def test_on_a_bus_of_python_can(virtual: can.BusABC) -> None:
         assert not answer.is_extended_id
 
 
-def test_only_classical_data_frames_pass(bridged: tuple[LiveRig, CanBridge], virtual: can.BusABC) -> None:
+def test_only_classical_frames_pass(bridged: tuple[LiveRig, CanBridge], virtual: can.BusABC) -> None:
     for foreign in (
         can.Message(arbitration_id=0x610, is_extended_id=True),
-        can.Message(arbitration_id=0x610, is_extended_id=False, is_remote_frame=True),
         can.Message(arbitration_id=0x610, is_extended_id=False, is_fd=True, data=bytes(12)),
         can.Message(is_error_frame=True),
     ):
         virtual.send(foreign)
     virtual.send(READ_TYPE)
     receive(virtual, 0x590)
-    assert bridged[1].foreign_frames == 4
+    assert bridged[1].foreign_frames == 3
+
+
+def test_a_remote_frame_asks_a_node_for_its_state(bridged: tuple[LiveRig, CanBridge], virtual: can.BusABC) -> None:
+    """Node guarding: the toggle bit begins with 0."""
+    for state in (0x7F, 0xFF):
+        virtual.send(can.Message(arbitration_id=0x710, is_extended_id=False, is_remote_frame=True))
+        assert bytes(receive(virtual, 0x710).data) == bytes((state,))
+    assert bridged[1].foreign_frames == 0
 
 
 def test_a_flood_is_cut_and_counted(bridged: tuple[LiveRig, CanBridge], virtual: can.BusABC) -> None:
