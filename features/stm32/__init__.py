@@ -3,7 +3,7 @@
 It imports the feature `firmware`, whose boards run a user's firmware as well, for edges on their way to the drivers.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from typing import TYPE_CHECKING, Final
 
 from steptwin.host.common.errors import InputError
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from steptwin.emulator.board.board_firmware import BoardProgram
     from steptwin.features.stm32.options import Stm32Options
+    from steptwin.features.stm32.part import ImagePart
     from steptwin.features.stm32.section import Stm32
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.machine.machine_options import MachineOptions
@@ -39,6 +40,20 @@ def _program(options: "Stm32Options | None") -> "Callable[[], BoardProgram] | No
     return None if options is None else options.program()
 
 
+def _part(
+    _robot: "Robot",
+    _joints: Sequence[float],
+    _axes_per_board: Sequence[int],
+    options: "Stm32Options | None",
+    _waits_for: Collection[str] | None,
+) -> "ImagePart | None":
+    if options is None or options.image is None:
+        return None
+    from steptwin.features.stm32.part import ImagePart
+
+    return ImagePart(options.uart_port)
+
+
 def _check_machine(machine: "MachineOptions", options: "Stm32Options | None", _real_time: bool) -> None:
     if options is not None and options.image is not None and len(machine.axes_per_board or (0,)) > 1:
         raise InputError("boards: one STM32F103 drives all axes: leave boards out, or image")
@@ -51,6 +66,7 @@ FEATURE: Final = Feature(
     machine_options=_machine_options,
     read_options=_read_options,
     program=_program,
+    part=_part,
     check_machine=_check_machine,
     commands=(
         CommandRow(

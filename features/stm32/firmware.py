@@ -1,14 +1,17 @@
 """An image of an STM32F103 as what an emulated board runs: its pins' edges go to the drivers, switches to its pins."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
+
+import numpy as np
 
 from steptwin.controller.node.pins import Pin, PinChange
 from steptwin.emulator.board.board_firmware import FirmwareError
 from steptwin.features.firmware.native_firmware import NativeFrames, NativeMotion
-from steptwin.features.stm32.chip.engine import Stm32Chip
+from steptwin.features.stm32.chip.engine import ChipSnapshot, Stm32Chip
 from steptwin.features.stm32.image import FlashImage
 from steptwin.features.stm32.outcome import fault_sentence
+from steptwin.features.stm32.pin_log import PinLog
 from steptwin.features.stm32.section import INPUTS, Stm32
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode
 from steptwin.protocol.frame import Frame
@@ -22,8 +25,17 @@ _AHEAD_COUNTS: Final = COUNTS_PER_MS // 40
 _SLICE_COUNTS: Final = 100 * COUNTS_PER_MS
 """Longest time that the compiled chip runs at once: Ctrl-C waits for its end."""
 _DIR, _ENABLE = 1, 2
+PINS: Final = 80
+"""PA0 to PE15: 16 * port + number."""
 _MODE_COUNTS, _RESET_COUNTS, _ENABLE_COUNTS = 1000, 3000, 4000
 """When the pins that no wire of the chip sets get their levels after power-up."""
+
+
+class Debugger(Protocol):
+    """A debugger of one chip."""
+
+    def attend(self) -> None:
+        """Do what the debugger's user asks, after each stretch of time; return when the processor may run on."""
 
 
 class ImageFirmware:
@@ -40,6 +52,8 @@ class ImageFirmware:
         """Wire a chip for a board; it begins with `boot`. For `compiled` see `Stm32Chip`."""
         self.image, self._wiring, self._drivers, self._compiled = image, wiring, board.drivers, compiled
         self.chip: Stm32Chip | None = None
+        self.debugger: Debugger | None = None
+        self.edges: PinLog = PinLog()
         self.motion: NativeMotion = NativeMotion(len(axes))
         self.transmit: NativeFrames = NativeFrames()
         self.pins: list[PinChange] = []
@@ -52,6 +66,8 @@ class ImageFirmware:
             for what, key in enumerate(("step", "dir", "enable")):
                 if (pin := joint.pin(key)) is not None:
                     self._wires.setdefault(pin.number, []).append((axis, what, int(pin.inverted)))
+        self._is_wired = np.zeros(PINS, np.bool_)
+        self._is_wired[list(self._wires)] = True
         self._straps = self._strapped([microsteps for _, microsteps in axes])
 
     def _strapped(self, microsteps: Sequence[int]) -> list[PinChange]:
@@ -86,10 +102,11 @@ class ImageFirmware:
             ram_kb=wiring.ram_kb,
             crystal_hz=wiring.crystal_hz,
             main=self.image.address_of("main"),
+            data_end=self.image.data_end,
             compiled=self._compiled,
         )
-        for number, wires in self._wires.items():
-            axis, what, inverted = wires[0]
+        for number in range(PINS):
+            axis, what, inverted = self._wires.get(number, [(0, 0, 0)])[0]
             released = what == _ENABLE and self._drivers.drivers[axis].module.enable_open
             self.chip.watch(number, released=released != bool(inverted))
         self._straps = [change._replace(counts=now_counts + change.counts) for change in self._straps]
@@ -139,7 +156,8 @@ class ImageFirmware:
             motion.reached_counts = max(motion.reached_counts, until_counts)
         while motion.reached_counts < until_counts:
             starts = motion.starts
-            self._run(min(until_counts, motion.reached_counts + _SLICE_COUNTS))
+            slice_counts = _SLICE_COUNTS if self.debugger is None else COUNTS_PER_MS
+            self._run(min(until_counts, motion.reached_counts + slice_counts))
             if motion.starts != starts:
                 break
         pulse_counts = self._drivers.pulse_min_counts
@@ -153,8 +171,12 @@ class ImageFirmware:
     def _run(self, until_counts: int) -> None:
         assert self.chip is not None
         self.chip.run(until_counts)
+        if self.debugger is not None:
+            self.debugger.attend()
         counts, pins = self.chip.take_edges()
-        for at, pin in zip(counts.tolist(), pins.tolist(), strict=True):
+        self.edges.add(counts, pins)
+        wired = self._is_wired[pins >> 1]
+        for at, pin in zip(counts[wired].tolist(), pins[wired].tolist(), strict=True):
             self._take_level(at, pin >> 1, pin & 1)
         self.motion.reached_counts = max(self.chip.now_counts, self.motion.reached_counts)
         while self._straps and self._straps[0].counts <= self.motion.reached_counts:
@@ -180,6 +202,25 @@ class ImageFirmware:
                 pulses.undrained_pulses += 1
                 pulses.stepped_counts = max(counts, pulses.stepped_counts + 1)  # two edges within a count
                 pulses.clk.append(pulses.stepped_counts)
+
+    def snapshot(self) -> ChipSnapshot:
+        """Return the chip's present state."""
+        assert self.chip is not None
+        return self.chip.snapshot()
+
+    def restore(self, snapshot: ChipSnapshot) -> None:
+        """Return the chip to a state, now: the machine stays as it is, and its inputs are read at once."""
+        assert self.chip is not None
+        before = [self.chip.level(pin) for pin in range(PINS)]
+        self.chip.restore(snapshot)
+        self._pass_inputs()
+        now_counts = self.chip.now_counts
+        changed = [pin for pin in range(PINS) if self.chip.level(pin) != before[pin]]
+        levels = [2 * pin + self.chip.level(pin) for pin in changed]
+        self.edges.add(np.full(len(changed), now_counts), np.array(levels, np.int64))
+        for pin in changed:
+            if pin in self._wires:
+                self._take_level(now_counts, pin, self.chip.level(pin))
 
     def take_pins(self) -> list[PinChange]:
         """Return the pin changes since the last call."""

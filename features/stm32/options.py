@@ -1,13 +1,14 @@
 """The image of an STM32F103 that the board of an emulated machine runs, and its pins."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.extras import installing
+from steptwin.host.common.numbers import whole
 from steptwin.host.twin.machine.machine_options import SPELLING, Spelling
 
 if TYPE_CHECKING:
@@ -23,16 +24,34 @@ _IMAGE: Final = Spelling(
     served=True,
 )
 
+def _port(text: str) -> int:
+    try:
+        return whole(text)
+    except ValueError:
+        raise InputError(f"uart_port={text}: is no port number; 0 takes a free one") from None
+
+
+_UART_PORT: Final = Spelling(
+    key="uart-port",
+    value="PORT",
+    example="7000",
+    says="Serve the image's USART1 at this TCP port, 0 for a free one, and at a pseudo terminal.",
+    read=_port,
+    served=True,
+)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stm32Options:
     """An image that the board runs instead of our firmware; None: ours. `fitted` adds what the robot file says."""
 
     image: Path | str | None = field(default=None, metadata={SPELLING: _IMAGE})
+    uart_port: int | None = field(default=None, metadata={SPELLING: _UART_PORT})
 
     def over(self, other: "Stm32Options") -> "Stm32Options":
         """Return other options, with those of these that are no defaults in place of theirs."""
-        return other if self.image is None else self
+        port = other.uart_port if self.uart_port is None else self.uart_port
+        return replace(other if self.image is None else self, uart_port=port)
 
     def fitted(self, robot: "Robot", folder: Path, *, compiled: bool | None = None) -> "Stm32Options":
         """Return the options of a robot's machine, with a relative path that begins at a folder.
@@ -53,6 +72,7 @@ class Stm32Options:
             )
         return FittedOptions(
             image=folder / self.image,
+            uart_port=self.uart_port,
             wiring=table,
             axes=tuple((axis.name, axis.transmission.microsteps) for axis in robot.axes),
             compiled=compiled,

@@ -54,7 +54,7 @@ class MachinePart:
     """A feature's part of one emulated machine, from power-up on; it overrides what concerns it.
 
     `EmulatedMachine` calls `join` and `switched_on`; `EmbeddedBoard`, which is in virtual time, and its runs `network`,
-    `outlive` and `verdict`; `LiveBoard`, which is in real time, `check_live` and `end_round`. The feature's judge is
+    `outlive` and `verdict`; `LiveBoard`, which is in real time, `check_live`, `end_round` and `close`. The feature's judge is
     given `evidence`, in a live report `seen`; reports without a judgement have `document` and `in_words`.
     """
 
@@ -87,6 +87,9 @@ class MachinePart:
 
     def end_round(self) -> None:
         """Drop old data, so a board that is served for months needs bounded memory."""
+
+    def close(self) -> None:
+        """Release sockets and the like at the end of a board in real time."""
 
     def described(self) -> Sequence[str]:
         """Return one line for each further device in the machine of a served board."""

@@ -26,6 +26,15 @@ def _cells(count: int = 1) -> int:
     return first
 
 
+INSTANTS: Final[list[tuple[int, int]]] = []
+"""First cells and numbers of the cells that hold instants: another instant of the same state moves all of them."""
+
+
+def _instants(count: int = 1) -> int:
+    INSTANTS.append((_used[0], count))
+    return _cells(count)
+
+
 GRAINS: Final = 40_040
 """Grains of time in a count of 72 MHz: for a crystal of 8 MHz a cycle has whole grains, whatever the PLL's factor."""
 NEVER: Final = 1 << 62
@@ -44,19 +53,19 @@ START: Final = _cells()
 STOP: Final = _cells()
 
 # --- time, in grains
-NOW: Final = _cells()
+NOW: Final = _instants()
 """End of the last block that has been executed whole."""
-AT: Final = _cells()
+AT: Final = _instants()
 """Present instant of a device's event or of an access to a register."""
 CYCLE: Final = _cells()
 """Length of a cycle of the processor (HCLK)."""
 CRYSTAL_HZ: Final = _cells()
 UNTIL: Final = _cells()
 """End of the stretch that `run` was asked for."""
-DUE: Final = _cells()
+DUE: Final = _instants()
 """The next event of a device: the least of `DUES`."""
 DEVICES: Final = 12
-DUES: Final = _cells(DEVICES)
+DUES: Final = _instants(DEVICES)
 SYSTICK_DUE, TIMER_DUE, SENT_DUE, RECEIVED_DUE, WATCHDOG_DUE = 0, 1, 5, 8, 11
 """Places in `DUES`: one of SysTick, four of the timers, three of the senders and receivers each, one of IWDG."""
 
@@ -88,6 +97,32 @@ FAULT: Final = _cells()
 FAULT_AT: Final = _cells()
 FAULT_PC: Final = _cells()
 
+STACK_LIMIT: Final = _cells()
+"""Lowest address for the main stack: below it are variables, or no RAM."""
+MASK_CHANGES: Final = _cells()
+"""1 if the block that is being executed may change PRIMASK or FAULTMASK."""
+MASKED_AT: Final = _instants()
+"""Since when one of them keeps all interrupts out, without the time asleep; `NEVER` while none does."""
+MASKED_BY: Final = _cells()
+"""The block that has set it."""
+LONGEST_MASKED: Final = _cells()
+"""Longest such time in grains, and the block that began it."""
+LONGEST_MASKED_BY: Final = _cells()
+SLEPT: Final = _cells()
+"""Time asleep in grains."""
+
+# --- a debugger
+STEPS_LEFT: Final = _cells()
+"""Instructions that a debugger lets pass without a stop."""
+STEPPING: Final = _cells()
+"""1 to stop before the instruction behind them."""
+HALTED: Final = _cells()
+"""1 if the processor has stopped for a debugger."""
+BREAKPOINTS: Final = 64
+BREAKPOINT_COUNT: Final = _cells()
+BREAKPOINT: Final = _cells(BREAKPOINTS)
+"""Addresses of the breakpoints."""
+
 FRAME: Final = _cells(4)
 """Eight words on their way to the stack or from it, two in each."""
 
@@ -113,7 +148,9 @@ TAKEN: Final = _cells(EXCEPTIONS)
 """By number, how often an exception was taken."""
 LATEST: Final = _cells(EXCEPTIONS)
 """By number, longest time in grains from pending to its handler."""
-PENDED_AT: Final = _cells(EXCEPTIONS)
+PENDED_AT: Final = _instants(EXCEPTIONS)
+OVERRUNS: Final = _cells(EXCEPTIONS)
+"""By number, how often a device had a new event before its last one was served."""
 
 # --- system
 SYSTICK_CONTROL: Final = _cells()
@@ -122,7 +159,7 @@ SYSTICK_LEFT: Final = _cells()
 """Ticks left until SysTick is 0, when it was looked at last; 0: it takes its reload first."""
 CYCLES_BASE: Final = _cells()
 """Cycles of DWT at `CYCLES_BASE_AT`."""
-CYCLES_BASE_AT: Final = _cells()
+CYCLES_BASE_AT: Final = _instants()
 CYCLES_ON: Final = _cells()
 SYSTEM_WORDS: Final = 0x1000 // 4
 SYSTEM: Final = _cells(SYSTEM_WORDS)
@@ -160,6 +197,8 @@ WATCHED: Final = _cells(PORTS)
 """Pins whose edges are kept."""
 WAS_OUTPUT: Final = _cells(PORTS)
 """Pins that have been outputs since power-up."""
+LEFT_OUTPUT: Final = _cells(PORTS)
+"""Those of them that have become inputs again."""
 EDGE_CAPACITY: Final = 8192
 EDGE_COUNT: Final = _cells()
 EDGES: Final = _cells(2 * EDGE_CAPACITY)
@@ -169,7 +208,7 @@ EDGES: Final = _cells(2 * EDGE_CAPACITY)
 TIMERS: Final = 4
 COUNTER: Final = _cells(TIMERS)
 """Counter at `COUNTER_AT`; it grows by 1 each `COUNTER_TICK` grains, of a timer that runs."""
-COUNTER_AT: Final = _cells(TIMERS)
+COUNTER_AT: Final = _instants(TIMERS)
 COUNTER_TICK: Final = _cells(TIMERS)
 PRESCALER: Final = _cells(TIMERS)
 RELOAD: Final = _cells(TIMERS)
@@ -208,9 +247,12 @@ STRANGE_LOST: Final = _cells()
 BLOCK_COSTS: Final = 512 * 1024 // 2
 KNOWN_SIZE: Final = _cells(BLOCK_COSTS)
 KNOWN_CYCLES: Final = _cells(BLOCK_COSTS)
+"""Twice the cycles, and 1 if the block may change PRIMASK or FAULTMASK."""
 PART_BEGIN: Final = _cells(BLOCK_COSTS)
 """By the halfword of an instruction, the block for which its `PART_CYCLES` are right."""
 PART_CYCLES: Final = _cells(BLOCK_COSTS)
+SPENT: Final = _cells(BLOCK_COSTS)
+"""Time in grains that each block in flash has taken; that of code elsewhere is in the last one."""
 
 CELLS: Final = _used[0]
 
@@ -218,5 +260,5 @@ CELLS: Final = _used[0]
 FLASH_START: Final = 0x08000000
 PERIPHERALS: Final = 0x40000000
 FAULT_UNMAPPED, FAULT_UNDEFINED, FAULT_BREAKPOINT, FAULT_VECTOR, FAULT_ESCALATED, FAULT_WATCHDOG = 1, 2, 3, 4, 5, 6
-FAULT_UNICORN, FAULT_RESET, FAULT_RETURN = 7, 8, 9
+FAULT_UNICORN, FAULT_RESET, FAULT_RETURN, FAULT_STACK = 7, 8, 9, 10
 STRANGE_READ, STRANGE_WRITE, STRANGE_NO_CLOCK, STRANGE_BITS = 0, 1, 2, 3

@@ -42,6 +42,12 @@ def _compiled(sources: int) -> tuple[tuple[int, ...], Any, Any]:
         s[c.SOURCES] = sources
         processor.on_block(s, _int(address), _int(size))
 
+    @cfunc(types.void(_pointer, _long, _word, _pointer), cache=True)
+    def instruction(_uc: int, address: int, _size: int, state: Any) -> None:
+        s = carray(state, _SIZE, _int)
+        s[c.SOURCES] = sources
+        processor.on_instruction(s, _int(address))
+
     @cfunc(types.void(_pointer, _word, _pointer), cache=True)
     def exception(_uc: int, number: int, state: Any) -> None:
         s = carray(state, _SIZE, _int)
@@ -75,7 +81,7 @@ def _compiled(sources: int) -> tuple[tuple[int, ...], Any, Any]:
         bus.arrive(s)
         bus.write(s, s[c.ACCESS], _int(size), _int(value) & 0xFFFFFFFF)
 
-    hooks = block, exception, unmapped, access, read, write
+    hooks = block, exception, unmapped, access, read, write, instruction
     return tuple(each.address or 0 for each in hooks), run, (hooks, numba_calls)
 
 

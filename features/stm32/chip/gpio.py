@@ -67,6 +67,7 @@ def set_modes(s: Cells, port: int) -> None:
     s[c.PUSH_PULL + port], s[c.OPEN_DRAIN + port] = push_pull, open_drain
     s[c.ALTERNATE + port], s[c.PULLED + port] = alternate, pulled
     s[c.WAS_OUTPUT + port] |= push_pull | open_drain
+    s[c.LEFT_OUTPUT + port] |= s[c.WAS_OUTPUT + port] & ~(push_pull | open_drain)
     refresh(s, port)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.cells import Cells, integer
 from steptwin.features.stm32.chip.gpio import set_device_pin
-from steptwin.features.stm32.chip.nvic import set_line
+from steptwin.features.stm32.chip.nvic import FIRST_IRQ, set_line
 
 CR1, CR2, SMCR, DIER, SR, EGR, CCMR1, CCMR2, CCER, CNT, PSC, ARR, RCR, CCR1 = range(14)
 BDTR: Final = 17
@@ -156,6 +156,7 @@ def timer_event(s: Cells, timer: int) -> None:
     base = c.VALUE + int(BASES[timer])
     value = s[c.COUNTER + timer]
     if value == 0 and not s[base + CR1] & UDIS:
+        s[c.OVERRUNS + FIRST_IRQ + int(_UPDATE_IRQ[timer])] += s[base + SR] & s[base + DIER] & UIF
         s[base + SR] |= UIF
         load(s, timer)
         if s[base + CR1] & OPM:
@@ -164,6 +165,8 @@ def timer_event(s: Cells, timer: int) -> None:
         mode = _mode(s, timer, channel) & 7
         matches = s[c.COMPARE + 4 * timer + channel] == value
         if matches:
+            late = s[base + SR] & s[base + DIER] & 2 << channel
+            s[c.OVERRUNS + FIRST_IRQ + int(_COMPARE_IRQ[timer])] += 1 if late else 0
             s[base + SR] |= 2 << channel
         if mode >= 6:
             active = value < s[c.COMPARE + 4 * timer + channel]

@@ -6,7 +6,7 @@ import numpy as np
 
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.cells import Cells, integer
-from steptwin.features.stm32.chip.nvic import set_line
+from steptwin.features.stm32.chip.nvic import FIRST_IRQ, set_line
 
 SR, DR, BRR, CR1, CR2, CR3 = range(6)
 BASES: Final = np.array([(at - c.PERIPHERALS) // 4 for at in (0x40013800, 0x40004400, 0x40004800)])
@@ -76,6 +76,7 @@ def usart_received(s: Cells, usart: int) -> None:
     if s[base + CR1] & UE and s[base + CR1] & RE:
         if s[base + SR] & RXNE:
             s[base + SR] |= ORE
+            s[c.OVERRUNS + FIRST_IRQ + _FIRST_IRQ + usart] += 1
         else:
             s[base + DR] = byte
             s[base + SR] |= RXNE
