@@ -1,6 +1,6 @@
 """An image of an STM32F103 as what an emulated board runs: its pins' edges go to the drivers, switches to its pins."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
@@ -81,6 +81,11 @@ class ImageFirmware:
             if joint.pin("enable") is None:
                 straps.append(PinChange(_ENABLE_COUNTS, axis, Pin.ENABLE, 1))
         return sorted(straps, key=lambda change: change.counts)
+
+    @property
+    def wired_pins(self) -> Collection[int]:
+        """Pins to which drivers are wired: 16 * port + number."""
+        return self._wires
 
     @property
     def next_due_counts(self) -> int | None:

@@ -4,6 +4,7 @@ It speaks gdb's remote serial protocol (GDB manual, appendix E) with one client.
 machine's time stands.
 """
 
+import re
 import select
 import socket
 from collections.abc import Callable, Mapping
@@ -28,7 +29,8 @@ _TARGET: Final = (
 _PACKET_BYTES: Final = 0x1000
 _INTERRUPT: Final = 0x03
 _SIGINT, _SIGTRAP, _SIGSEGV = "S02", "S05", "S0b"
-_NO_MEMORY, _NO_ROOM = "E0e", "E1c"
+_NO_MEMORY, _NO_ROOM, _NO_PACKET = "E0e", "E1c", "E16"
+_RESUME: Final = re.compile(r"(?:vCont;)?([cCsS])")
 
 
 class GdbServer:
@@ -97,14 +99,17 @@ class GdbServer:
         """Answer packets until the processor runs on."""
         while (packet := self._packet()) is not None:
             kind = packet[:1]
-            if kind in ("c", "s") or packet.startswith("vCont;"):
-                self._resume(steps=kind == "s" or packet.startswith("vCont;s"))
+            if resumed := _RESUME.match(packet):
+                self._resume(steps=resumed[1] in "sS")
                 return
             if kind == "k":
                 self._detach()
                 raise FirmwareError("the debugger has ended the run")
             answer = self._ANSWERS.get(kind)
-            self._send("" if answer is None else answer(self, packet))
+            try:
+                self._send("" if answer is None else answer(self, packet))
+            except (ValueError, IndexError):
+                self._send(_NO_PACKET)
             if kind == "D":
                 break
         self._detach()

@@ -24,6 +24,7 @@ _IMAGE: Final = Spelling(
     served=True,
 )
 
+
 def _port(text: str) -> int:
     try:
         return whole(text)

@@ -71,8 +71,7 @@ class Usart:
             if left_s <= 0:
                 sent = unread.decode("utf-8", errors="replace")
                 raise ExpectationError(
-                    f"USART{self._number + 1} has not sent {text!r} within {within_s:g} s,"
-                    f" but {sent[-_SHOWN_CHARS:]!r}"
+                    f"USART{self._number + 1} has not sent {text!r} within {within_s:g} s, but {sent[-_SHOWN_CHARS:]!r}"
                 )
             self._tools.wait(min(left_s, STEP_S))
         found = unread[: place + len(wanted)]
@@ -100,8 +99,7 @@ class Pin:
         """Its changes since power-up, in order of time; the oldest are dropped beyond a million edges of all pins."""
         counts, levels = self._tools.firmware.edges.of(self._number)
         return [
-            PinLevel(at / COUNTS_PER_SECOND, level)
-            for at, level in zip(counts.tolist(), levels.tolist(), strict=True)
+            PinLevel(at / COUNTS_PER_SECOND, level) for at, level in zip(counts.tolist(), levels.tolist(), strict=True)
         ]
 
 

@@ -107,7 +107,7 @@ class UartPorts:
 
     def _queue(self, data: bytes) -> None:
         for waiting in self._clients.values():
-            waiting += data
+            waiting.extend(data)
         if self._terminal >= 0:
             self._for_terminal = (self._for_terminal + data)[-_BACKLOG_BYTES:]
 

@@ -54,8 +54,8 @@ class MachinePart:
     """A feature's part of one emulated machine, from power-up on; it overrides what concerns it.
 
     `EmulatedMachine` calls `join` and `switched_on`; `EmbeddedBoard`, which is in virtual time, and its runs `network`,
-    `outlive` and `verdict`; `LiveBoard`, which is in real time, `check_live`, `end_round` and `close`. The feature's judge is
-    given `evidence`, in a live report `seen`; reports without a judgement have `document` and `in_words`.
+    `outlive` and `verdict`; `LiveBoard`, which is in real time, `check_live`, `end_round` and `close`. The feature's
+    judge is given `evidence`, in a live report `seen`; reports without a judgement have `document` and `in_words`.
     """
 
     def join(self, simulation: "Simulation") -> "Participant | None":

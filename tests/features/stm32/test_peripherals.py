@@ -226,6 +226,7 @@ def test_a_bit_is_written_by_its_alias_alone(bench: Bench) -> None:
 
 def test_a_bit_of_the_ram_is_written_by_its_alias_alone(bench: Bench) -> None:
     bits = 0x22000000 + 32 * 0x101
+    bench.chip.set_memory(0x20000100, bytes(4))
     bench.write(bits + 4 * 3, 1)
     bench.write(bits + 4 * 5, 0xFF)
     bench.write(bits + 4 * 3, 0)

@@ -41,7 +41,7 @@ def test_an_example_does_what_it_says(
     capsys: pytest.CaptureFixture[str], name: str, code: int, steps: list[int], reason: str
 ) -> None:
     file = str(EXAMPLES / f"{name}.elf")
-    ended, out, err = _run(capsys, file, "--robot", str(ROBOT), "--until", "done", "--json")
+    ended, out, err = _run(capsys, file, "--robot", str(ROBOT), "--until-text", "done", "--json")
     document = json.loads(out)
     assert (ended, document["passed"], [axis["steps"] for axis in document["axes"]]) == (code, not code, steps)
     assert document["sent"]["USART1"].startswith("ready\ndone")
@@ -59,7 +59,7 @@ def test_a_switch_of_the_machine_is_read_by_its_pin(capsys: pytest.CaptureFixtur
         ROBOT.read_text().replace("[stm32.joints.left]", switch).replace("upper = 100.0", "upper = 9.0", 1)
     )
     file = str(EXAMPLES / "systick_stepper.elf")
-    code, out, _ = _run(capsys, file, "--robot", str(robot), "--until", "limit", "--json")
+    code, out, _ = _run(capsys, file, "--robot", str(robot), "--until-text", "limit", "--json")
     document = json.loads(out)
     assert code == 0
     # the switch is at step 400; the firmware reads it with the next tick of 20 kHz
@@ -97,7 +97,7 @@ def test_a_run_needs_a_robot_with_a_chip(capsys: pytest.CaptureFixture[str]) -> 
     assert _refused(capsys, file).startswith("--robot is missing")
     assert "has no table [stm32]" in _refused(capsys, file, "--robot", "turntable")
     assert _refused(capsys, file, "--robot", str(ROBOT), "--for", "2") == (
-        "--for 2: is no time with a unit, such as 2s or 50ms"
+        "--for 2: is no time with a unit, such as 2s, 50ms or 100us"
     )
 
 
