@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from steptwin.emulator.board.board_firmware import BoardProgram
-    from steptwin.features.stm32.options import Stm32Options
+    from steptwin.features.stm32.options import ImageServing, Stm32Options
     from steptwin.features.stm32.part import ImagePart
     from steptwin.features.stm32.section import Stm32
     from steptwin.host.robots.robot import Robot
@@ -30,6 +30,12 @@ def _machine_options() -> "type[Stm32Options]":
     from steptwin.features.stm32.options import Stm32Options
 
     return Stm32Options
+
+
+def _serve_options() -> "type[ImageServing]":
+    from steptwin.features.stm32.options import ImageServing
+
+    return ImageServing
 
 
 def _read_options(options: "Stm32Options | None", robot: "Robot", folder: "Path") -> "Stm32Options | None":
@@ -67,6 +73,7 @@ FEATURE: Final = Feature(
     read_options=_read_options,
     program=_program,
     part=_part,
+    serve_options=_serve_options,
     check_machine=_check_machine,
     commands=(
         CommandRow(

@@ -27,7 +27,7 @@ _TARGET: Final = (
     + "</feature></target>"
 )
 _PACKET_BYTES: Final = 0x1000
-_INTERRUPT: Final = 0x03
+_INTERRUPT: Final = b"\x03"
 _SIGINT, _SIGTRAP, _SIGSEGV = "S02", "S05", "S0b"
 _NO_MEMORY, _NO_ROOM, _NO_PACKET = "E0e", "E1c", "E16"
 _RESUME: Final = re.compile(r"(?:vCont;)?([cCsS])")
@@ -83,14 +83,13 @@ class GdbServer:
 
     def _is_interrupted(self) -> bool:
         assert self._client is not None
-        if not select.select([self._client], [], [], 0)[0]:
-            return False
-        data = self._client.recv(_PACKET_BYTES)
-        self._inbox += data
-        if not data:
-            self._detach()
-        found = bytes((_INTERRUPT,)) in self._inbox
-        self._inbox = self._inbox.replace(bytes((_INTERRUPT,)), b"")
+        if select.select([self._client], [], [], 0)[0]:
+            data = self._client.recv(_PACKET_BYTES)
+            self._inbox += data
+            if not data:
+                self._detach()
+        found = _INTERRUPT in self._inbox
+        self._inbox = self._inbox.replace(_INTERRUPT, b"")
         return found
 
     # --- packets

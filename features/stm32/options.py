@@ -1,11 +1,14 @@
 """The image of an STM32F103 that the board of an emulated machine runs, and its pins."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from steptwin.host.cli.live.served_programs import ServedPlace, ServedProgram
+from steptwin.host.cli.options import option
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.extras import installing
 from steptwin.host.common.numbers import whole
@@ -84,6 +87,35 @@ class Stm32Options:
         if self.image is not None:
             raise InputError(f"image={self.image}: needs the robot's file: give the robot by a file with [stm32]")
         return None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImageServing(ServedProgram):
+    """Options of `steptwin serve` for an image."""
+
+    image: str | None = option("FILE", "Let the board run this image of an STM32F103 (docs/stm32-image.md).")
+    uart_port: int | None = option(
+        "PORT", "Serve the image's USART1 at this TCP port, 0 for a free one, and at a pseudo terminal."
+    )
+
+    @property
+    def extras(self) -> Sequence[object]:
+        """The image as an option of the machine."""
+        if self.image is None and self.uart_port is None:
+            return ()
+        if self.image is None:
+            raise InputError("--uart-port: is for the image of --image FILE")
+        return (Stm32Options(image=self.image, uart_port=self.uart_port),)
+
+    @property
+    def wanted(self) -> bool:
+        """False: there is no program beside the board."""
+        return False
+
+    def running(self, *, to_stderr: bool) -> AbstractContextManager[Callable[[ServedPlace], None]]:
+        """Never called: there is no program."""
+        del to_stderr
+        return nullcontext(lambda _: None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -216,9 +216,10 @@ def run_image(path: Path, robot: Robot, plan: RunPlan) -> ImageRun:
     end_counts = round(plan.for_s * COUNTS_PER_SECOND)
 
     def wait(dt_s: float) -> None:
-        if simulation.now_counts >= end_counts:
+        until_counts = simulation.now_counts + max(round(dt_s * COUNTS_PER_SECOND), 1)
+        simulation.run_until(min(until_counts, end_counts))
+        if until_counts > end_counts:
             raise _TimeIsUpError
-        simulation.run_until(min(simulation.now_counts + max(round(dt_s * COUNTS_PER_SECOND), 1), end_counts))
 
     tools = part.tools(wait)
     firmware, chip = tools.firmware, tools.chip
@@ -233,7 +234,8 @@ def run_image(path: Path, robot: Robot, plan: RunPlan) -> ImageRun:
             if reasons:
                 break
         while not plan.script and simulation.now_counts < end_counts and found_s is None:
-            wait(STEP_S if plan.until_text is not None else plan.for_s)
+            step_counts = round(STEP_S * COUNTS_PER_SECOND) if plan.until_text is not None else end_counts
+            simulation.run_until(min(simulation.now_counts + step_counts, end_counts))
             if plan.until_text is not None and any(plan.until_text in usart.text for usart in tools.usarts):
                 found_s = simulation.now_s
     except FirmwareError as error:
@@ -263,7 +265,7 @@ def run_image(path: Path, robot: Robot, plan: RunPlan) -> ImageRun:
         for each in strange
     ]
     hints += [
-        f"{exception_name(number)}: {number_of(missed, 'event')} came before the last one was served"
+        f"{exception_name(number)}: {number_of(missed, 'event')} came before the last one was served, or were set too late"
         for number, (_, _, missed) in chip.interrupts.items()
         if missed
     ]

@@ -18,6 +18,8 @@ BDTR: Final = 17
 BASES: Final = np.array([(at - c.PERIPHERALS) // 4 for at in (0x40012C00, 0x40000000, 0x40000400, 0x40000800)])
 _UPDATE_IRQ: Final = np.array([25, 28, 29, 30])
 _COMPARE_IRQ: Final = np.array([27, 28, 29, 30])
+_LATE_TICKS: Final = 0xC000
+"""A compare value that is further ahead was meant to be just ahead, and is behind."""
 CEN, UDIS, URS, OPM, ARPE = 1, 2, 4, 8, 0x80
 UIF: Final = 1
 
@@ -203,6 +205,15 @@ def _set_channels(s: Cells, timer: int, shown: bool) -> None:
 
 
 @integer
+def _note_late_compare(s: Cells, timer: int, channel: int) -> None:
+    """Count a compare value that a free-running counter with an interrupt has just passed: it waits a whole turn."""
+    base = c.VALUE + int(BASES[timer])
+    waits = s[base + CR1] & CEN and s[base + DIER] >> 1 + channel & 1 and s[c.RELOAD + timer] == 0xFFFF
+    if waits and _ticks_to(s, timer, s[c.COMPARE + 4 * timer + channel]) > _LATE_TICKS:
+        s[c.OVERRUNS + FIRST_IRQ + int(_COMPARE_IRQ[timer])] += 1
+
+
+@integer
 def write_timer(s: Cells, timer: int, word: int, value: int, before: int) -> None:
     """Write a register, whose value is stored already, at the instant `AT`."""
     base = c.VALUE + int(BASES[timer])
@@ -221,6 +232,7 @@ def write_timer(s: Cells, timer: int, word: int, value: int, before: int) -> Non
         s[c.RELOAD + timer] = s[base + ARR]
     elif CCR1 <= word < CCR1 + 4 and not _mode(s, timer, word - CCR1) & 8:
         s[c.COMPARE + 4 * timer + word - CCR1] = s[base + word]
+        _note_late_compare(s, timer, word - CCR1)
     elif word == EGR:
         s[base + EGR] = 0
         if value & 1:

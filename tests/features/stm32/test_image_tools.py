@@ -9,7 +9,9 @@ from steptwin.features.stm32.tools import ExpectationError, ImageTools
 from steptwin.host.common.errors import InputError
 from steptwin.host.twin.board_under_test import BoardUnderTest
 from tests.features.stm32.examples import EXAMPLES, ROBOT, example_board
+from tests.host.twin.plugin_runs import outcomes
 
+pytest_plugins = ["pytester"]
 _IMAGE = Stm32Options(image=EXAMPLES / "compare_stepper.elf")
 
 
@@ -23,9 +25,7 @@ def test_expect_reads_what_a_usart_sends_once(tools: ImageTools) -> None:
     assert tools.uart.expect("read", within_s=0.0) == "read"
     assert tools.uart.read() == "y\n"
     began_s = tools.now_s
-    with pytest.raises(
-        ExpectationError, match=r"^USART1 has not sent 'ready' within 0\.002 s, but ''$"
-    ):
+    with pytest.raises(ExpectationError, match=r"^USART1 has not sent 'ready' within 0\.002 s, but ''$"):
         tools.uart.expect("ready", within_s=0.002)
     assert tools.now_s - began_s == pytest.approx(0.002, abs=1e-5)
     assert tools.uart.text == "ready\n"
@@ -129,19 +129,18 @@ def test_the_fixture_is_the_image_of_the_board(steptwin_board: BoardUnderTest, s
 
 
 def test_the_fixture_of_a_board_without_an_image_says_so(pytester: pytest.Pytester) -> None:
-    pytester.makepyfile(
-        """
+    code = """
         import pytest
 
         @pytest.mark.steptwin("turntable")
         def test_none(steptwin_image):
             pass
         """
-    )
-    result = pytester.runpytest_inprocess("-p", "no:cacheprovider")
-    result.stdout.fnmatch_lines(["*steptwin_image: the board of this test runs no image*"])
+    result = outcomes(pytester, code)
+    result.assert_outcomes(errors=1)
+    assert "steptwin_image: the board of this test runs no image" in result.stdout.str()
 
 
-def test_a_failed_test_shows_what_the_usarts_sent(tools: ImageTools) -> None:
+def test_a_failed_test_shows_what_the_usarts_sent() -> None:
     board, _ = example_board("compare_stepper")
     assert board.parts["stm32"].in_words() == "USART1: ready"
