@@ -3,7 +3,7 @@
 It imports the feature `firmware`, whose boards run a user's firmware as well, for edges on their way to the drivers.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 from steptwin.host.common.errors import InputError
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from steptwin.emulator.board.board_firmware import BoardProgram
     from steptwin.features.stm32.options import ImageServing, Stm32Options
     from steptwin.features.stm32.part import ImagePart
-    from steptwin.features.stm32.section import Stm32
+    from steptwin.features.stm32.section import JointPins, Stm32
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.machine.machine_options import MachineOptions
 
@@ -24,6 +24,12 @@ def _section() -> "type[Stm32]":
     from steptwin.features.stm32.section import Stm32
 
     return Stm32
+
+
+def _joint_tables() -> "Mapping[str, type[JointPins]]":
+    from steptwin.features.stm32.section import SECOND_TABLE, TABLE, JointPins
+
+    return {TABLE: JointPins, SECOND_TABLE: JointPins}
 
 
 def _machine_options() -> "type[Stm32Options]":
@@ -69,6 +75,7 @@ FEATURE: Final = Feature(
     name="stm32",
     needs=("firmware",),
     section=_section,
+    joint_tables=_joint_tables,
     machine_options=_machine_options,
     read_options=_read_options,
     program=_program,

@@ -78,7 +78,7 @@ def run_image(
     waveform: WaveformOptions,
     machine: Annotated[MachineOptions, Without(())],
     file: Path = argument("FILE", "The ELF or .bin that is flashed into the STM32F103.", MISSING),
-    robot: str | None = option("ROBOT", "Robot file with a table [stm32]: the chip's pins."),
+    robot: str | None = option("ROBOT", "Robot file with the pins of the chip (docs/stm32-image.md)."),
     strict: bool = switch("Fail at an access that is not modelled, and at an event that was missed."),
     gdb: int | None = option("PORT", "Wait for gdb at this port of this machine; 0 takes a free one."),
     kernel: str = option(
@@ -97,7 +97,7 @@ def run_image(
     from steptwin.host.robots import load_robot
 
     if robot is None:
-        raise InputError("--robot is missing: a robot file with a table [stm32], which says how the pins are wired")
+        raise InputError("--robot is missing: a robot file whose joints have tables [joints.NAME.pins]")
     compiled = _FORMS.get(known("--kernel", kernel, _FORMS))
     if compiled and find_spec("numba") is None:
         raise InputError(f"--kernel numba: needs numba: {installing('fast')}; python needs nothing")

@@ -10,6 +10,7 @@ from steptwin.emulator.board.board_firmware import FirmwareError
 from steptwin.features.firmware.native_firmware import NativeFrames, NativeMotion
 from steptwin.features.stm32.chip.engine import ChipSnapshot, Stm32Chip
 from steptwin.features.stm32.image import FlashImage
+from steptwin.features.stm32.options import WiredAxis
 from steptwin.features.stm32.outcome import fault_sentence
 from steptwin.features.stm32.pin_log import PinLog
 from steptwin.features.stm32.section import INPUTS, Stm32
@@ -44,13 +45,13 @@ class ImageFirmware:
     def __init__(
         self,
         image: FlashImage,
-        wiring: Stm32,
-        axes: Sequence[tuple[str, int]],
+        table: Stm32,
+        axes: Sequence[WiredAxis],
         board: "Board",
         compiled: bool | None,
     ) -> None:
         """Wire a chip for a board; it begins with `boot`. For `compiled` see `Stm32Chip`."""
-        self.image, self._wiring, self._drivers, self._compiled = image, wiring, board.drivers, compiled
+        self.image, self._table, self._drivers, self._compiled = image, table, board.drivers, compiled
         self.chip: Stm32Chip | None = None
         self.debugger: Debugger | None = None
         self.edges: PinLog = PinLog()
@@ -59,7 +60,7 @@ class ImageFirmware:
         self.pins: list[PinChange] = []
         self.due_counts: int | None = None
         self._inputs: tuple[DigitalInput, ...] = (DigitalInput(0),) * len(axes)
-        self._joints = [wiring.joints[name] for name, _ in axes]
+        self._joints = [axis.pins for axis in axes]
         self._wires: dict[int, list[tuple[int, int, int]]] = {}
         """By number of a pin, what hangs there: axis, what it is, and whether it is inverted."""
         for axis, joint in enumerate(self._joints):
@@ -68,7 +69,7 @@ class ImageFirmware:
                     self._wires.setdefault(pin.number, []).append((axis, what, int(pin.inverted)))
         self._is_wired = np.zeros(PINS, np.bool_)
         self._is_wired[list(self._wires)] = True
-        self._straps = self._strapped([microsteps for _, microsteps in axes])
+        self._straps = self._strapped([axis.microsteps for axis in axes])
 
     def _strapped(self, microsteps: Sequence[int]) -> list[PinChange]:
         """Return the levels of the drivers' pins that no wire of the chip sets, in order of time after power-up."""
@@ -99,13 +100,13 @@ class ImageFirmware:
 
     def boot(self, now_counts: int) -> None:
         """Power up."""
-        wiring = self._wiring
+        table = self._table
         self.chip = Stm32Chip(
             self.image.segments,
             self.image.vectors,
-            flash_kb=wiring.flash_kb,
-            ram_kb=wiring.ram_kb,
-            crystal_hz=wiring.crystal_hz,
+            flash_kb=table.flash_kb,
+            ram_kb=table.ram_kb,
+            crystal_hz=table.crystal_hz,
             main=self.image.address_of("main"),
             data_end=self.image.data_end,
             compiled=self._compiled,
@@ -237,17 +238,17 @@ class ImageProgram:
     """An image as the program of a board."""
 
     def __init__(
-        self, image: FlashImage, wiring: Stm32, axes: Sequence[tuple[str, int]], compiled: bool | None = None
+        self, image: FlashImage, table: Stm32, axes: Sequence[WiredAxis], compiled: bool | None = None
     ) -> None:
-        """Take an image for the axes with these names and microsteps; for `compiled` see `Stm32Chip`."""
-        self._image, self._wiring, self._axes, self._compiled = image, wiring, tuple(axes), compiled
+        """Take an image for these axes; for `compiled` see `Stm32Chip`."""
+        self._image, self._table, self._axes, self._compiled = image, table, tuple(axes), compiled
         self._running: ImageFirmware | None = None
 
     def start(self, board: "Board") -> ImageFirmware:
         """Return the firmware that begins; the one before it ends."""
         if self._running is not None:
             self._running.end()
-        self._running = ImageFirmware(self._image, self._wiring, self._axes, board, self._compiled)
+        self._running = ImageFirmware(self._image, self._table, self._axes, board, self._compiled)
         return self._running
 
     def connect(self, board: "Board") -> None:

@@ -1,7 +1,7 @@
 """A small gdbserver for a chip: registers, memory, breakpoints, step, continue, interrupt, detach, kill.
 
-It speaks gdb's remote serial protocol (GDB manual, appendix E) with one client. While the processor is halted, the whole
-machine's time stands.
+It speaks gdb's remote serial protocol (GDB manual, appendix E) with one client. While the processor is halted, the
+whole machine's time stands.
 """
 
 import re

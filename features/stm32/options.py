@@ -5,7 +5,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from steptwin.host.cli.live.served_programs import ServedPlace, ServedProgram
 from steptwin.host.cli.options import option
@@ -16,14 +16,14 @@ from steptwin.host.twin.machine.machine_options import SPELLING, Spelling
 
 if TYPE_CHECKING:
     from steptwin.emulator.board.board_firmware import BoardProgram
-    from steptwin.features.stm32.section import Stm32
+    from steptwin.features.stm32.section import JointPins, Stm32
     from steptwin.host.robots.robot import Robot
 
 _IMAGE: Final = Spelling(
     key="image",
     value="FILE",
     example='"build/fw.elf"',
-    says="Let the board run this image of an STM32F103, wired as [stm32] in the robot file says (docs/stm32-image.md).",
+    says="Let the board run this image of an STM32F103, wired as the robot file's pins say (docs/stm32-image.md).",
     served=True,
 )
 
@@ -45,6 +45,14 @@ _UART_PORT: Final = Spelling(
 )
 
 
+class WiredAxis(NamedTuple):
+    """An axis with the microsteps of its driver, and its pins."""
+
+    name: str
+    microsteps: int
+    pins: "JointPins"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stm32Options:
     """An image that the board runs instead of our firmware; None: ours. `fitted` adds what the robot file says."""
@@ -63,29 +71,31 @@ class Stm32Options:
         For `compiled` see `FittedOptions`.
 
         Raises:
-            InputError: the robot's file has no table `[stm32]`.
+            InputError: the robot's file does not say which pins are wired to what.
         """
         if self.image is None:
             return self
-        from steptwin.features.stm32.section import Stm32
+        from steptwin.features.stm32.section import TABLE, Stm32, wiring_of
 
-        table = robot.sections.get("stm32")
-        if not isinstance(table, Stm32):
+        if not any(TABLE in joint.tables for joint in robot.joints):
             raise InputError(
-                f"image={self.image}: {robot.name} has no table [stm32], which says which pins are wired to what"
+                f"image={self.image}: {robot.name} does not say what hangs at which pin:"
+                f" it has no [joints.NAME.{TABLE}]"
             )
+        table, pins = robot.sections.get("stm32", Stm32()), wiring_of(robot)
+        assert isinstance(table, Stm32)
         return FittedOptions(
             image=folder / self.image,
             uart_port=self.uart_port,
-            wiring=table,
-            axes=tuple((axis.name, axis.transmission.microsteps) for axis in robot.axes),
+            chip=table,
+            axes=tuple(WiredAxis(axis.name, axis.transmission.microsteps, pins[axis.name]) for axis in robot.axes),
             compiled=compiled,
         )
 
     def program(self) -> "Callable[[], BoardProgram] | None":
         """Return what makes the program of a board; None for our own."""
         if self.image is not None:
-            raise InputError(f"image={self.image}: needs the robot's file: give the robot by a file with [stm32]")
+            raise InputError(f"image={self.image}: needs the robot's file, with the pins of its joints")
         return None
 
 
@@ -120,10 +130,10 @@ class ImageServing(ServedProgram):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedOptions(Stm32Options):
-    """The same for one robot's machine: with its table `[stm32]`, and names and microsteps of its axes."""
+    """The same for one robot's machine: with its table `[stm32]`, and what is wired to its axes."""
 
-    wiring: "Stm32"
-    axes: tuple[tuple[str, int], ...]
+    chip: "Stm32"
+    axes: tuple[WiredAxis, ...]
     compiled: bool | None = None
     """True for the chip compiled by numba, False for plain Python, None for numba where it is installed."""
 
@@ -135,6 +145,6 @@ class FittedOptions(Stm32Options):
         from steptwin.features.stm32.image import read_image
 
         assert self.image is not None
-        wiring = self.wiring
-        image = read_image(self.image, wiring.offset, flash_kb=wiring.flash_kb, ram_kb=wiring.ram_kb)
-        return lambda: ImageProgram(image, wiring, self.axes, self.compiled)
+        chip = self.chip
+        image = read_image(self.image, chip.offset, flash_kb=chip.flash_kb, ram_kb=chip.ram_kb)
+        return lambda: ImageProgram(image, chip, self.axes, self.compiled)

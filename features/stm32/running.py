@@ -10,6 +10,7 @@ import numpy as np
 
 from steptwin.controller.motion.backend import python_kernel
 from steptwin.emulator.board.board_firmware import FirmwareError
+from steptwin.emulator.simulation import Simulation
 from steptwin.features.stm32.firmware import ImageFirmware
 from steptwin.features.stm32.gdb_server import GdbServer
 from steptwin.features.stm32.options import Stm32Options
@@ -18,7 +19,7 @@ from steptwin.features.stm32.part import ImagePart
 from steptwin.features.stm32.pin_log import EDGES_MAX, PinLog
 from steptwin.features.stm32.profile import Profile, profile_of
 from steptwin.features.stm32.script import ScriptLine
-from steptwin.features.stm32.section import OUTPUTS, ChipPin, Stm32
+from steptwin.features.stm32.section import OUTPUTS, ChipPin, JointPins, wiring_of
 from steptwin.features.stm32.tools import STEP_S, ExpectationError, ImageTools
 from steptwin.host.cli.output import number_of
 from steptwin.host.common.arrays import FloatArray
@@ -200,7 +201,7 @@ class _TimeIsUpError(Exception):
 
 
 def run_image(path: Path, robot: Robot, plan: RunPlan) -> ImageRun:
-    """Run an image on a robot's machine, which has a table `[stm32]`.
+    """Run an image on a robot's machine, whose joints have pins.
 
     Raises:
         InputError: the image cannot run on this chip, or has not reached its `main`, or the robot has no chip.
@@ -213,36 +214,8 @@ def run_image(path: Path, robot: Robot, plan: RunPlan) -> ImageRun:
     simulation = (machine := EmulatedMachine(parts)).simulation
     part = machine.parts.features["stm32"]
     assert isinstance(part, ImagePart)
-    end_counts = round(plan.for_s * COUNTS_PER_SECOND)
-
-    def wait(dt_s: float) -> None:
-        until_counts = simulation.now_counts + max(round(dt_s * COUNTS_PER_SECOND), 1)
-        simulation.run_until(min(until_counts, end_counts))
-        if until_counts > end_counts:
-            raise _TimeIsUpError
-
-    tools = part.tools(wait)
+    tools, reasons, found_s = _run(simulation, part, plan)
     firmware, chip = tools.firmware, tools.chip
-    firmware.edges = PinLog(None if plan.vcd else EDGES_MAX)
-    if plan.debugger is not None:
-        plan.debugger.start(chip)
-        firmware.debugger = plan.debugger
-    reasons, found_s = list[str](), None
-    try:
-        for line in plan.script:
-            reasons += _played(line, tools, plan.for_s)
-            if reasons:
-                break
-        while not plan.script and simulation.now_counts < end_counts and found_s is None:
-            step_counts = round(STEP_S * COUNTS_PER_SECOND) if plan.until_text is not None else end_counts
-            simulation.run_until(min(simulation.now_counts + step_counts, end_counts))
-            if plan.until_text is not None and any(plan.until_text in usart.text for usart in tools.usarts):
-                found_s = simulation.now_s
-    except FirmwareError as error:
-        reasons.append(str(error))
-    finally:
-        if plan.debugger is not None:
-            plan.debugger.close()
     if not reasons and chip.main_ahead:
         raise InputError(
             f"{path}: has not reached main after {plan.for_s:g} s: the processor is at {firmware.image.place(chip.pc)}"
@@ -252,9 +225,7 @@ def run_image(path: Path, robot: Robot, plan: RunPlan) -> ImageRun:
     axes = axes_evidence(machine, currents=False)
     violations = violation_reports(Evidence(0, axes))
     strange = strange_accesses(chip, firmware.image)
-    table = robot.sections["stm32"]
-    assert isinstance(table, Stm32)
-    reasons += _wrong_outputs(firmware, table, robot.axis_names)
+    reasons += _wrong_outputs(firmware, wiring_of(robot))
     reasons += [
         f"{each.axis}: {each.broken}: {number_of(each.count, 'time')}, first at {each.first_s:.6f} s:"
         f" {each.worst:.3g} {each.unit}, limit {each.limit:.3g} {each.unit} ({each.source})"
@@ -265,7 +236,8 @@ def run_image(path: Path, robot: Robot, plan: RunPlan) -> ImageRun:
         for each in strange
     ]
     hints += [
-        f"{exception_name(number)}: {number_of(missed, 'event')} came before the last one was served, or were set too late"
+        f"{exception_name(number)}: {number_of(missed, 'event')} came before the last one was served,"
+        " or were set too late"
         for number, (_, _, missed) in chip.interrupts.items()
         if missed
     ]
@@ -289,6 +261,40 @@ def run_image(path: Path, robot: Robot, plan: RunPlan) -> ImageRun:
     )
     firmware.end()
     return run
+
+
+def _run(simulation: Simulation, part: ImagePart, plan: RunPlan) -> tuple[ImageTools, list[str], float | None]:
+    """Let the image run; return its tools, why it failed so far, and when the text came that was waited for."""
+    end_counts = round(plan.for_s * COUNTS_PER_SECOND)
+
+    def wait(dt_s: float) -> None:
+        until_counts = simulation.now_counts + max(round(dt_s * COUNTS_PER_SECOND), 1)
+        simulation.run_until(min(until_counts, end_counts))
+        if until_counts > end_counts:
+            raise _TimeIsUpError
+
+    tools = part.tools(wait)
+    tools.firmware.edges = PinLog(None if plan.vcd else EDGES_MAX)
+    reasons, found_s = list[str](), None
+    look_counts = end_counts if plan.until_text is None else round(STEP_S * COUNTS_PER_SECOND)
+    try:
+        if plan.debugger is not None:
+            plan.debugger.start(tools.chip)
+            tools.firmware.debugger = plan.debugger
+        for line in plan.script:
+            reasons += _played(line, tools, plan.for_s)
+            if reasons:
+                break
+        while not plan.script and simulation.now_counts < end_counts and found_s is None:
+            simulation.run_until(min(simulation.now_counts + look_counts, end_counts))
+            if plan.until_text is not None and any(plan.until_text in usart.text for usart in tools.usarts):
+                found_s = simulation.now_s
+    except FirmwareError as error:
+        reasons.append(str(error))
+    finally:
+        if plan.debugger is not None:
+            plan.debugger.close()
+    return tools, reasons, found_s
 
 
 def _played(line: ScriptLine, tools: ImageTools, for_s: float) -> list[str]:
@@ -319,13 +325,13 @@ def exception_name(number: int) -> str:
     return f"interrupt {number - 16}" if number >= 16 else SYSTEM_EXCEPTIONS.get(number, f"exception {number}")
 
 
-def _wrong_outputs(firmware: ImageFirmware, table: Stm32, names: Sequence[str]) -> list[str]:
+def _wrong_outputs(firmware: ImageFirmware, wiring: Mapping[str, JointPins]) -> list[str]:
     """Return the wired pins that the image has not made outputs, or not for good."""
     assert firmware.chip is not None
     found = []
-    for name in names:
+    for name, pins in wiring.items():
         for key in OUTPUTS:
-            if (pin := table.joints[name].pin(key)) is None:
+            if (pin := pins.pin(key)) is None:
                 continue
             if not firmware.chip.was_output(pin.number):
                 found.append(f"{name}: {pin.name}, its {key.upper()}, was never an output")

@@ -79,7 +79,11 @@ class Usart:
         return found.decode("utf-8", errors="replace")
 
     def _unread(self) -> bytes:
-        count = self._tools.chip.sent_count(self._number) - self.read_bytes
+        if self._tools.firmware.chip is None:
+            return b""
+        count = self._tools.chip.sent_count(self._number)
+        self.read_bytes = self.read_bytes if self.read_bytes <= count else 0  # fewer after a power-up
+        count -= self.read_bytes
         return self._tools.chip.sent(self._number)[-count:] if count > 0 else b""
 
 
@@ -167,14 +171,19 @@ class ImageTools:
 
     @property
     def chip(self) -> Stm32Chip:
-        """The chip since the last power-up."""
-        assert self.firmware.chip is not None
+        """The chip since the last power-up.
+
+        Raises:
+            InputError: the board has no power.
+        """
+        if self.firmware.chip is None:
+            raise InputError("the board has no power now: its chip has no state; let the fault end before, by for_ms")
         return self.firmware.chip
 
     @property
     def now_s(self) -> float:
         """The instant that the chip has reached, in seconds since the machine's power-up."""
-        return self.chip.now_counts / COUNTS_PER_SECOND
+        return self.firmware.motion.reached_counts / COUNTS_PER_SECOND
 
     @property
     def uart(self) -> Usart:

@@ -284,6 +284,8 @@ class Feature:
         name: name of the feature, of its table in robot files, of its key in report.json, of its file in run folders.
         needs: the features that it imports.
         section: returns the model of its table of a robot file: a `FileTable` that is a `RobotSection`.
+        joint_tables: returns the models of its tables of a joint in robot files, `FileTable`s, by name; what is read
+            stands in `Joint.tables`.
         robot_tables: returns tables that belong to the file of a robot that StepTwin brings, by the robot's name.
         timer: returns what times motions as a whole: those with `law = "fastest"` or `blend_mm`.
         program_steps: returns the models of its steps of program files, `StepTable`s, by their verbs.
@@ -329,6 +331,7 @@ class Feature:
     name: str
     needs: Sequence[str] = ()
     section: Callable[[], type[Any]] | None = None
+    joint_tables: Callable[[], Mapping[str, type[Any]]] | None = None
     robot_tables: Callable[[str], str] | None = None
     timer: "Callable[[], MotionTimer] | None" = None
     program_steps: "Callable[[], Mapping[str, Any]] | None" = None

@@ -22,11 +22,11 @@ def example_robot() -> Robot:
     return load_robot(str(ROBOT))
 
 
-def example_board(name: str, **machine: object) -> tuple[BoardUnderTest, ImageTools]:
+def example_board(name: str, *extras: object) -> tuple[BoardUnderTest, ImageTools]:
     """Return a board that runs an example in plain Python, 10 ms after power-up, and the example's tools."""
     robot = example_robot()
     image = Stm32Options(image=EXAMPLES / f"{name}.elf").fitted(robot, EXAMPLES, compiled=False)
-    board = BoardUnderTest(robot, kernel=python_kernel(), extras=[image, *machine.values()])
+    board = BoardUnderTest(robot, kernel=python_kernel(), extras=[image, *extras])
     part = board.parts["stm32"]
     assert isinstance(part, ImagePart)
     return board, part.tools(board.wait)

@@ -3,16 +3,10 @@
 import numpy as np
 import pytest
 
-from steptwin.features.stm32.options import Stm32Options
 from steptwin.features.stm32.pin_log import PinLog
 from steptwin.features.stm32.tools import ExpectationError, ImageTools
 from steptwin.host.common.errors import InputError
-from steptwin.host.twin.board_under_test import BoardUnderTest
-from tests.features.stm32.examples import EXAMPLES, ROBOT, example_board
-from tests.host.twin.plugin_runs import outcomes
-
-pytest_plugins = ["pytester"]
-_IMAGE = Stm32Options(image=EXAMPLES / "compare_stepper.elf")
+from tests.features.stm32.examples import example_board
 
 
 @pytest.fixture
@@ -117,28 +111,6 @@ def test_old_edges_are_dropped_when_there_are_too_many() -> None:
     assert counts.tolist() == [16, 17, 18, 19]
     assert levels.tolist() == [1, 0, 1, 0]
     assert log.of(6)[0].size == 0
-
-
-@pytest.mark.steptwin(str(ROBOT), extras=[_IMAGE])
-@pytest.mark.slow  # numba loads the chip
-def test_the_fixture_is_the_image_of_the_board(steptwin_board: BoardUnderTest, steptwin_image: ImageTools) -> None:
-    assert steptwin_image.uart.expect("ready") == "ready"
-    before_s = steptwin_board.now_s()
-    steptwin_image.wait(0.01)
-    assert steptwin_board.now_s() - before_s == pytest.approx(0.01)
-
-
-def test_the_fixture_of_a_board_without_an_image_says_so(pytester: pytest.Pytester) -> None:
-    code = """
-        import pytest
-
-        @pytest.mark.steptwin("turntable")
-        def test_none(steptwin_image):
-            pass
-        """
-    result = outcomes(pytester, code)
-    result.assert_outcomes(errors=1)
-    assert "steptwin_image: the board of this test runs no image" in result.stdout.str()
 
 
 def test_a_failed_test_shows_what_the_usarts_sent() -> None:

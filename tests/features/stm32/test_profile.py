@@ -8,7 +8,6 @@ from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.engine import Stm32Chip
 from steptwin.features.stm32.image import read_image
 from steptwin.features.stm32.outcome import fault_sentence
-from steptwin.features.stm32.profile import profile_of
 from steptwin.features.stm32.running import RunPlan, run_image
 from steptwin.features.stm32.section import ChipPin
 from tests.features.stm32.conftest import FIRST_HANDLER, GPIOA, MAIN, PROGRAM, Bench

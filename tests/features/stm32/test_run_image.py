@@ -54,10 +54,8 @@ def test_an_example_does_what_it_says(
 @pytest.mark.slow  # a fifth of a second at 72 MHz in plain Python
 def test_a_switch_of_the_machine_is_read_by_its_pin(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     robot = tmp_path / "arm.toml"
-    switch = '[joints.left.switches]\npositive_limit = 10.0\n\n[stm32.joints.left]\npositive_limit = "!PA5"'
-    robot.write_text(
-        ROBOT.read_text().replace("[stm32.joints.left]", switch).replace("upper = 100.0", "upper = 9.0", 1)
-    )
+    switch = '[joints.left.switches]\npositive_limit = 10.0\n\n[joints.left.pins]\npositive_limit = "!PA5"'
+    robot.write_text(ROBOT.read_text().replace("[joints.left.pins]", switch).replace("upper = 100.0", "upper = 9.0", 1))
     file = str(EXAMPLES / "systick_stepper.elf")
     code, out, _ = _run(capsys, file, "--robot", str(robot), "--until-text", "limit", "--json")
     document = json.loads(out)
@@ -95,7 +93,9 @@ def _refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
 def test_a_run_needs_a_robot_with_a_chip(capsys: pytest.CaptureFixture[str]) -> None:
     file = str(EXAMPLES / "compare_stepper.elf")
     assert _refused(capsys, file).startswith("--robot is missing")
-    assert "has no table [stm32]" in _refused(capsys, file, "--robot", "turntable")
+    assert "turntable does not say what hangs at which pin: it has no [joints.NAME.pins]" in _refused(
+        capsys, file, "--robot", "turntable"
+    )
     assert _refused(capsys, file, "--robot", str(ROBOT), "--for", "2") == (
         "--for 2: is no time with a unit, such as 2s, 50ms or 100us"
     )
@@ -109,9 +109,9 @@ def test_a_file_that_is_no_image_is_refused(capsys: pytest.CaptureFixture[str]) 
 @pytest.mark.parametrize(
     ("before", "after", "sentence"),
     [
-        ('step = "PA2"', 'step = "PA0"', "stm32.joints.right.step: PA0 is that of left.step already"),
+        ('step = "PA2"', 'step = "PA0"', "right's step: PA0 is that of left's step already"),
         ('step = "PA2"', 'step = "PF2"', "'PF2': is no pin from PA0 to PE15, such as PA0, or !PA0"),
-        ("[stm32.joints.right]", "[stm32.joints.rite]", "joint 'rite' is unknown: did you mean right?"),
+        ("[joints.right.pins]", "[joints.left.second_pins]", "joints.left.second_pins: the joint has no second motor"),
     ],
 )
 def test_a_wrong_wire_is_refused(
