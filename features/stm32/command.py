@@ -17,7 +17,7 @@ from steptwin.host.common.extras import installing
 from steptwin.host.twin.machine.machine_options import MachineOptions
 
 if TYPE_CHECKING:
-    from steptwin.features.stm32.profile import Profile
+    from steptwin.features.stm32.profile import ImageProfile
     from steptwin.features.stm32.running import ImageRun
 
 _FORMS: Final = {"auto": None, "python": False, "numba": True}
@@ -50,7 +50,7 @@ class LengthOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WaveformOptions:
+class VcdOptions:
     """Options for a file with the waveform of pins."""
 
     vcd: Path | None = option("FILE", "Write the waveform of pins, for PulseView and GTKWave.")
@@ -75,7 +75,7 @@ class WaveformOptions:
 def run_image(
     answer: AnswerOptions,
     length: LengthOptions,
-    waveform: WaveformOptions,
+    waveform: VcdOptions,
     machine: Annotated[MachineOptions, Without(())],
     file: Path = argument("FILE", "The ELF or .bin that is flashed into the STM32F103.", MISSING),
     robot: str | None = option("ROBOT", "Robot file with the pins of the chip (docs/stm32-image.md)."),
@@ -163,7 +163,7 @@ def _print(run: "ImageRun") -> None:
     )
 
 
-def _print_profile(profile: "Profile") -> None:
+def _print_profile(profile: "ImageProfile") -> None:
     for function in profile.functions[:_FUNCTIONS_SHOWN]:
         say(f"{function.percent:5.1f} %  {function.name}")
     others = sum(each.percent for each in profile.functions[_FUNCTIONS_SHOWN:])

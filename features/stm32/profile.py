@@ -28,7 +28,7 @@ class FunctionTime:
 
 
 @dataclass(frozen=True, slots=True)
-class Profile:
+class ImageProfile:
     """What an image did with its time and its stack.
 
     Attributes:
@@ -54,7 +54,7 @@ class Profile:
         return asdict(self)
 
 
-def profile_of(chip: Stm32Chip, image: FlashImage) -> Profile:
+def profile_of(chip: Stm32Chip, image: FlashImage) -> ImageProfile:
     """Return the profile of a chip since its power-up."""
     spent = chip.state[c.SPENT : c.SPENT + c.BLOCK_COSTS]
     grains: Counter[str] = Counter()
@@ -67,7 +67,7 @@ def profile_of(chip: Stm32Chip, image: FlashImage) -> Profile:
         masked, by = chip.cells[c.NOW] - chip.cells[c.MASKED_AT], chip.cells[c.MASKED_BY]
     used, size = chip.stack_used()
     part = 100 / max(total, 1)
-    return Profile(
+    return ImageProfile(
         functions=tuple(
             FunctionTime(name, time / _GRAINS_PER_SECOND, time * part) for name, time in grains.most_common()
         ),

@@ -17,7 +17,7 @@ from steptwin.features.stm32.options import Stm32Options
 from steptwin.features.stm32.outcome import StrangeAccess, strange_accesses
 from steptwin.features.stm32.part import ImagePart
 from steptwin.features.stm32.pin_log import EDGES_MAX, PinLog
-from steptwin.features.stm32.profile import Profile, profile_of
+from steptwin.features.stm32.profile import ImageProfile, profile_of
 from steptwin.features.stm32.script import ScriptLine
 from steptwin.features.stm32.section import OUTPUTS, ChipPin, JointPins, wiring_of
 from steptwin.features.stm32.tools import STEP_S, ExpectationError, ImageTools
@@ -133,7 +133,7 @@ class ImageRun:
     violations: tuple[ViolationReport, ...]
     strange: tuple[StrangeAccess, ...]
     interrupts: dict[int, tuple[int, float, int]]
-    profile: Profile
+    profile: ImageProfile
     sent: dict[str, str]
     happened: Mapping[str, Any]
     reasons: tuple[str, ...]

@@ -87,7 +87,7 @@ class Usart:
         return self._tools.chip.sent(self._number)[-count:] if count > 0 else b""
 
 
-class Pin:
+class ImagePin:
     """A pin of the chip: its level, and its levels since power-up."""
 
     def __init__(self, tools: "ImageTools", number: int) -> None:
@@ -190,9 +190,9 @@ class ImageTools:
         """USART1."""
         return self.usarts[0]
 
-    def pin(self, name: str) -> Pin:
+    def pin(self, name: str) -> ImagePin:
         """Return a pin such as PB5; raise InputError if the chip has none of this name."""
-        return Pin(self, ChipPin.of(name).number)
+        return ImagePin(self, ChipPin.of(name).number)
 
     def symbol(self, name: str) -> Variable:
         """Return a variable of the image; raise InputError for a name that is unknown or not unique."""

@@ -313,10 +313,12 @@ def _with_tables(
         for name, model in sections
     ]
     if of_joints:
-        tables = [(name, Annotated[Any, model] | None, None) for name, model in of_joints]
+        tables: list[Any] = [(name, Annotated[Any, model] | None, None) for name, model in of_joints]
         documented = {"__doc__": JointTable.__doc__}
-        joint = make_dataclass("JointTable", tables, bases=(JointTable,), frozen=True, namespace=documented)
-        own.append(("joints", Mapping.__class_getitem__((_Name, Annotated.__class_getitem__((Joint, joint))))))
+        joint: Any = make_dataclass("JointTable", tables, bases=(JointTable,), frozen=True, namespace=documented)
+        mapping: Any = Mapping  # mypy does not accept a computed type
+        annotated: Any = Annotated
+        own.append(("joints", mapping[_Name, annotated[Joint, joint]]))
     return make_dataclass("RobotFile", own, bases=(RobotFile,), frozen=True, namespace={"__doc__": RobotFile.__doc__})
 
 

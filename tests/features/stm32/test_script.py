@@ -15,11 +15,10 @@ def _script(tmp_path: Path, text: str) -> Path:
     return path
 
 
-def test_a_script_waits_sends_and_expects(tmp_path: Path) -> None:
+def test_a_script_waits_sends_and_expects(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     _, tools = example_board("compare_stepper")
     sent: list[bytes] = []
-    give = tools.chip.give
-    tools.chip.give = lambda usart, data: (sent.append(data), give(usart, data))[1]  # type: ignore[method-assign]
+    monkeypatch.setattr(tools.chip, "give", lambda _usart, data: sent.append(data))
     text = '# a comment\n\n  expect "ready\\n" 1ms\n12ms send "G0 \\"x\\"\\n"\nsend usart2 "\\u00b5"\n13.5ms\n'
     instants = []
     for line in read_script(_script(tmp_path, text)):
