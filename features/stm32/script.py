@@ -30,6 +30,8 @@ _BYTES_MAX: Final = 1 << 20
 _UNITS_S: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 _TIME: Final = re.compile(r"([0-9]+(?:\.[0-9]+)?)(s|ms|us)(?=\s|$)")
 _TEXT: Final = r'(?:usart([1-3])\s+)?("(?:[^"\\]|\\.)*")'
+_WRITTEN: Final = re.compile(r'((?:[^"#]|"(?:[^"\\]|\\.)*")*)(?:#.*)?$')
+"""A line, and its comment."""
 _WITHIN_S: Final = 1.0
 
 
@@ -97,8 +99,9 @@ def read_script(path: Path) -> tuple[ScriptLine, ...]:
     """Return the lines of a script; the InputError's messages are all that is wrong, each with its line."""
     findings, lines = Findings(), list[ScriptLine]()
     for number, text in enumerate(read_text(path, _BYTES_MAX).splitlines(), start=1):
-        line = text.strip()
-        if line and not line.startswith("#"):
+        written = _WRITTEN.match(text)
+        line = text.strip() if written is None else written[1].strip()
+        if line:
             with findings.collecting(f"{path}: line {number}: "):
                 lines.append(_line(f"{path}: line {number}", line))
     findings.raise_first()

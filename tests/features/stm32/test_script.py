@@ -19,12 +19,12 @@ def test_a_script_waits_sends_and_expects(tmp_path: Path, monkeypatch: pytest.Mo
     _, tools = example_board("compare_stepper")
     sent: list[bytes] = []
     monkeypatch.setattr(tools.chip, "give", lambda _usart, data: sent.append(data))
-    text = '# a comment\n\n  expect "ready\\n" 1ms\n12ms send "G0 \\"x\\"\\n"\nsend usart2 "\\u00b5"\n13.5ms\n'
+    text = '# a comment\n\n  expect "ready\\n" 1ms  # "x"\n12ms send "G0 \\"#x\\"\\n"\nsend usart2 "\\u00b5"\n13.5ms\n'
     instants = []
     for line in read_script(_script(tmp_path, text)):
         line.play(tools)
         instants.append(tools.now_s)
-    assert sent == [b'G0 "x"\n', "\u00b5".encode()]
+    assert sent == [b'G0 "#x"\n', "\u00b5".encode()]
     assert instants == pytest.approx([0.01, 0.012, 0.012, 0.0135], abs=1e-5)
 
 
