@@ -70,7 +70,7 @@ class VcdOptions:
 
 @command(
     "firmware.elf --robot my-arm.toml --for 2s",
-    "firmware.elf --robot my-arm.toml --script homing.txt --vcd pins.vcd --pins PA0,PB5",
+    "firmware.elf --robot arm.toml --script moves.txt --vcd pins.vcd",
 )
 def run_image(
     answer: AnswerOptions,

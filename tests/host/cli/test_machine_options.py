@@ -24,9 +24,9 @@ KEYS = {
 @pytest.mark.parametrize(
     ("command", "without"),
     [
-        ("run", {"firmware", "image", "node", "motors"}),
+        ("run", {"firmware", "image", "uart-port", "node", "motors"}),
         ("serve", set()),
-        ("replay", {"faults", "motors", "firmware", "image", "node"}),
+        ("replay", {"faults", "motors", "firmware", "image", "uart-port", "node"}),
     ],
 )
 def test_help_lists_the_keys(command: str, without: set[str], capsys: pytest.CaptureFixture[str]) -> None:
