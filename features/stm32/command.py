@@ -13,6 +13,7 @@ from steptwin.host.cli.output import number_of, print_table, say, warn
 from steptwin.host.common.bad_input import known
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.extras import installing
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 if TYPE_CHECKING:
     from steptwin.features.stm32.running import ImageRun
@@ -31,6 +32,7 @@ def run_image(
     for_: str | None = option("TIME", "How long it runs on the board, such as 2s or 50ms; 2s.", "--for"),
     until: str | None = option("TEXT", "Run until a USART has sent this text, at most 10s or the time of --for."),
     send: str = option("TEXT", "Text for USART1, from the beginning on; \\n ends a line.", default=""),
+    can: Path | None = option("FILE", "CAN frames for the board, in the format of `candump -L`, from power-up on."),
     strict: bool = switch("Fail at an access that is not modelled."),
     kernel: str = option(
         "NAME", "Form of the chip: python, numba (compiled), or auto: numba if it is there.", default="auto"
@@ -58,6 +60,7 @@ def run_image(
             until=until,
             strict=strict,
             given=send.replace("\\n", "\n"),
+            can_script=can,
             compiled=compiled,
         )
     answer.tell(run.to_dict(), lambda: _print(run))
@@ -99,6 +102,10 @@ def _print(run: "ImageRun") -> None:
     for name, text in run.sent.items():
         for line in text.splitlines()[-_LINES:]:
             say(f"{name}: {line}")
+    if run.frames:
+        say(f"CAN: {number_of(len(run.frames), 'frame')}; the last ones:")
+    for counts, frame in run.frames[-_LINES:]:
+        say(f"CAN: {counts / COUNTS_PER_SECOND:.6f} s {frame.cob_id:03X}#{frame.data.hex().upper()}")
     say(*(f"reason: {reason}" for reason in run.reasons))
     say(
         f"times within a stretch of instructions may be wrong by {COST_PERCENT} % of it",
@@ -109,7 +116,7 @@ def _print(run: "ImageRun") -> None:
 
 _SYSTEM: Final = {11: "SVC", 14: "PendSV", 15: "SysTick"}
 _LINES: Final = 10
-"""Last lines of a USART that are printed."""
+"""Last lines of a USART, and frames, that are printed."""
 
 
 def _figure(value: float | None) -> str:

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Final
 from steptwin.controller.node.pins import Pin, PinChange
 from steptwin.emulator.board.board_firmware import FirmwareError
 from steptwin.features.firmware.native_firmware import NativeFrames, NativeMotion
+from steptwin.features.stm32.can_node import ImageStation
+from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.engine import Stm32Chip
 from steptwin.features.stm32.image import FlashImage
 from steptwin.features.stm32.outcome import fault_sentence
@@ -16,6 +18,7 @@ from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
 if TYPE_CHECKING:
     from steptwin.emulator.board.board import Board
+    from steptwin.emulator.board.local_clock import LocalClock
 
 _AHEAD_COUNTS: Final = COUNTS_PER_MS // 40
 """Time by which the image runs ahead at once until a pulse is long enough for its driver."""
@@ -42,6 +45,8 @@ class ImageFirmware:
         self.chip: Stm32Chip | None = None
         self.motion: NativeMotion = NativeMotion(len(axes))
         self.transmit: NativeFrames = NativeFrames()
+        self.can: ImageStation = ImageStation(self)
+        self.clock: "LocalClock | None" = board.own_clock
         self.pins: list[PinChange] = []
         self.due_counts: int | None = None
         self._inputs: tuple[DigitalInput, ...] = (DigitalInput(0),) * len(axes)
@@ -102,17 +107,17 @@ class ImageFirmware:
     # --- in
 
     def receive(self, frame: Frame, now_counts: int) -> None:
-        """Frames are not told: the chip's CAN controller is not modelled."""
+        """Frames come by `can`."""
 
     def hears(self, cob_id: int) -> bool:  # noqa: ARG002
-        """Return False: no frame reaches the chip."""
+        """Return False: frames come by `can`."""
         return False
 
     def on_can_error(self, code: ErrorCode, now_counts: int, *, active: bool) -> None:
-        """Nor are errors of the bus told."""
+        """Errors of the bus come by `can`."""
 
     def on_bus_off(self, now_counts: int) -> None:
-        """Nor is bus-off."""
+        """So does bus-off."""
 
     def set_inputs(self, inputs: Sequence[DigitalInput], now_counts: int) -> None:  # noqa: ARG002
         """Set the levels of all inputs at the instant that the chip has reached."""
@@ -140,7 +145,7 @@ class ImageFirmware:
         while motion.reached_counts < until_counts:
             starts = motion.starts
             self._run(min(until_counts, motion.reached_counts + _SLICE_COUNTS))
-            if motion.starts != starts:
+            if motion.starts != starts or self.chip.cells[c.CAN_CHANGED]:
                 break
         pulse_counts = self._drivers.pulse_min_counts
         while self.chip is not None and motion.begins_pulse(pulse_counts):
@@ -148,7 +153,8 @@ class ImageFirmware:
         return min(motion.reached_counts, until_counts)
 
     def poll(self, now_counts: int) -> None:
-        """Do nothing: all work is done while time passes."""
+        """Let the bus know what the firmware has told its CAN controller."""
+        self.can.follow(now_counts)
 
     def _run(self, until_counts: int) -> None:
         assert self.chip is not None
@@ -205,4 +211,6 @@ class ImageProgram:
         return self._running
 
     def connect(self, board: "Board") -> None:
-        """Need nothing of the board."""
+        """Let the chip's CAN controller be the board's."""
+        assert self._running is not None
+        board.can = self._running.can

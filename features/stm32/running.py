@@ -10,12 +10,14 @@ import numpy as np
 
 from steptwin.controller.motion.backend import python_kernel
 from steptwin.emulator.board.board_firmware import FirmwareError
+from steptwin.features.stm32.can_script import CanScript, frame_texts
 from steptwin.features.stm32.firmware import ImageFirmware
 from steptwin.features.stm32.options import Stm32Options
 from steptwin.features.stm32.outcome import StrangeAccess, strange_accesses
 from steptwin.features.stm32.section import OUTPUTS, Stm32
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
+from steptwin.host.record.bus_log import read_frames
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.emulated_machine import EmulatedMachine, MachineParts
 from steptwin.host.twin.machine.evidence import axes_evidence
@@ -23,6 +25,7 @@ from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.host.verify import AxisEvidence, Evidence
 from steptwin.host.verify.figures import clk_high_us_min, clk_low_us_min, peak_rate_hz, reversals
 from steptwin.host.verify.report import ViolationReport, violation_reports
+from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND, COUNTS_PER_US
 
 COST_PERCENT: Final = 25
@@ -110,6 +113,7 @@ class ImageRun:
         strange: accesses whose effect is not modelled.
         interrupts: by number of the exception, how often it was taken and the longest time until its handler in us.
         sent: what each USART has sent, by its name.
+        frames: frames on the CAN bus, each with the instant when it became valid.
         reasons: one line for each reason why the run fails.
         hints: what a user should know although it fails nothing.
     """
@@ -124,6 +128,7 @@ class ImageRun:
     strange: tuple[StrangeAccess, ...]
     interrupts: dict[int, tuple[int, float]]
     sent: dict[str, str]
+    frames: tuple[tuple[int, Frame], ...]
     reasons: tuple[str, ...]
     hints: tuple[str, ...]
 
@@ -152,6 +157,7 @@ class ImageRun:
                 for number, (taken, latest) in self.interrupts.items()
             ],
             "sent": self.sent,
+            "can": frame_texts(self.frames),
         }
 
 
@@ -163,6 +169,7 @@ def run_image(
     until: str | None = None,
     strict: bool = False,
     given: str = "",
+    can_script: Path | None = None,
     compiled: bool | None = None,
 ) -> ImageRun:
     """Run an image on a robot's machine.
@@ -174,6 +181,7 @@ def run_image(
         until: a text that ends the run when a USART has sent it; the run fails if none has.
         strict: an access that is not modelled fails the run.
         given: text that arrives at USART1 from the beginning on.
+        can_script: frames that the host sends, with their instants, in the format of `candump -L`.
         compiled: True for the chip compiled by numba, False for plain Python, None for numba where it is installed.
 
     Raises:
@@ -187,6 +195,8 @@ def run_image(
     assert isinstance(firmware, ImageFirmware)
     assert firmware.chip is not None
     chip = firmware.chip
+    if can_script is not None:
+        simulation.join(CanScript(simulation, read_frames(can_script)))
     if given:
         chip.give(0, given.encode())
     reasons, found_s, end_counts = [], None, round(for_s * COUNTS_PER_SECOND)
@@ -196,8 +206,8 @@ def run_image(
             simulation.run_until(min(step_counts, end_counts))
             if until is not None and any(until in _text(chip.sent(usart)) for usart in range(3)):
                 found_s = simulation.now_s
-    except FirmwareError as error:
-        reasons.append(str(error))
+    except FirmwareError as failure:
+        reasons.append(str(failure))
     if not reasons and chip.main_ahead:
         raise InputError(
             f"{path}: has not reached main after {for_s:g} s: the processor is at {firmware.image.place(chip.pc)}"
@@ -206,6 +216,8 @@ def run_image(
         reasons.append(f"no USART has sent {until!r} within {for_s:g} s")
     axes = axes_evidence(machine, currents=False)
     violations = violation_reports(Evidence(0, axes))
+    if error := firmware.can.error(machine.bus.bitrate):
+        reasons.append(error)
     strange = strange_accesses(chip, firmware.image)
     table = robot.sections["stm32"]
     assert isinstance(table, Stm32)
@@ -227,6 +239,7 @@ def run_image(
         violations=violations,
         strange=tuple(strange),
         interrupts=chip.interrupts,
+        frames=tuple(machine.bus_log),
         sent={f"USART{i + 1}": text for i in range(3) if (text := _text(chip.sent(i)))},
         reasons=tuple(reasons),
         hints=() if strict else tuple(told),

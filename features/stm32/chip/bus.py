@@ -5,6 +5,7 @@ from typing import Final
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip import gpio, registers
 from steptwin.features.stm32.chip.bookkeeping import note_strange
+from steptwin.features.stm32.chip.can import read_can, write_can
 from steptwin.features.stm32.chip.cells import Cells, integer
 from steptwin.features.stm32.chip.clocks import write_rcc
 from steptwin.features.stm32.chip.cost import forget_costs, part_cycles
@@ -16,7 +17,7 @@ from steptwin.features.stm32.chip.timers import read_timer, write_timer
 from steptwin.features.stm32.chip.usarts import listen, read_usart, write_usart
 
 RCC, GPIO, AFIO, EXTI, TIMER = registers.RCC, registers.GPIO, registers.AFIO, registers.EXTI, registers.TIMER
-USART, IWDG, FLASH = registers.USART, registers.IWDG, registers.FLASH
+USART, IWDG, FLASH, CAN = registers.USART, registers.IWDG, registers.FLASH, registers.CAN
 RAM, RAM_BITS, PERIPHERAL_BITS = 0x20000000, 0x22000000, 0x42000000
 """The RAM, and the aliases of single bits of RAM and peripherals (PM0056, 2.2.5)."""
 _SPACE: Final = 0xE0000000
@@ -68,6 +69,8 @@ def _read_word(s: Cells, address: int) -> int:
         return read_timer(s, number, word % 256)
     if kind == USART:
         return read_usart(s, number, word % 256)
+    if kind == CAN:
+        return read_can(s, word % 256)
     return s[c.VALUE + word]
 
 
@@ -133,6 +136,8 @@ def _write_word(s: Cells, address: int, value: int) -> None:
     elif kind == USART:
         write_usart(s, number, word % 256, value, before)
         listen(s, number)
+    elif kind == CAN:
+        write_can(s, word % 256, value, before)
     elif kind == IWDG and word == _IWDG_KR:
         if value == 0xCCCC:
             s[c.WATCHDOG_ON] = 1

@@ -55,10 +55,10 @@ UNTIL: Final = _cells()
 """End of the stretch that `run` was asked for."""
 DUE: Final = _cells()
 """The next event of a device: the least of `DUES`."""
-DEVICES: Final = 12
+DEVICES: Final = 13
 DUES: Final = _cells(DEVICES)
-SYSTICK_DUE, TIMER_DUE, SENT_DUE, RECEIVED_DUE, WATCHDOG_DUE = 0, 1, 5, 8, 11
-"""Places in `DUES`: one of SysTick, four of the timers, three of the senders and receivers each, one of IWDG."""
+SYSTICK_DUE, TIMER_DUE, SENT_DUE, RECEIVED_DUE, WATCHDOG_DUE, CAN_DUE = 0, 1, 5, 8, 11, 12
+"""Places in `DUES`: one of SysTick, four of the timers, three of the senders and receivers each, one of IWDG and CAN."""
 
 # --- the block that is being executed
 BLOCK: Final = _cells()
@@ -195,6 +195,18 @@ GIVEN: Final = _cells(USARTS * TEXT_CAPACITY)
 
 # --- watchdog
 WATCHDOG_ON: Final = _cells()
+
+# --- CAN
+CAN_CHANGED: Final = _cells()
+"""1 if the firmware has done what the bus must know: a mode, a bit timing, or a mailbox."""
+CAN_SENDING: Final = _cells()
+"""The mailbox whose frame is on the wire; -1 for none."""
+CAN_REQUESTS: Final = _cells()
+"""Number of transmit requests so far."""
+CAN_REQUESTED: Final = _cells(3)
+"""By mailbox, the number of its last transmit request."""
+CAN_FIFO: Final = _cells(2 * 3 * 4)
+"""By FIFO and place the registers RIxR, RDTxR, RDLxR and RDHxR of a frame; place 0 is read."""
 
 # --- accesses that are not modelled
 STRANGE_CAPACITY: Final = 256

@@ -1,6 +1,7 @@
 """The devices' events in order of time."""
 
 from steptwin.features.stm32.chip import cells as c
+from steptwin.features.stm32.chip.can import can_event
 from steptwin.features.stm32.chip.cells import Cells, integer
 from steptwin.features.stm32.chip.system import systick_event
 from steptwin.features.stm32.chip.timers import timer_event
@@ -31,6 +32,8 @@ def act(s: Cells) -> None:
             usart_sent(s, usart)
         if s[c.DUES + c.RECEIVED_DUE + usart] == at:
             usart_received(s, usart)
+    if s[c.DUES + c.CAN_DUE] == at:
+        can_event(s)
     if s[c.DUES + c.WATCHDOG_DUE] == at:
         s[c.DUES + c.WATCHDOG_DUE] = c.NEVER
         s[c.FAULT] = c.FAULT_WATCHDOG

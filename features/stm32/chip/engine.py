@@ -156,6 +156,7 @@ class Stm32Chip:
         for timer in range(c.TIMERS):
             timers.load(s, timer)
         self.state[c.SHIFTING : c.SHIFTING + c.USARTS] = self.state[c.WAITING : c.WAITING + c.USARTS] = -1
+        s[c.CAN_SENDING] = -1
         for pin in usarts.PINS:
             s[c.BY_DEVICE + pin // 16] |= 1 << pin % 16  # TX rests high
         gpio.route_channels(s)
@@ -278,8 +279,12 @@ class Stm32Chip:
             place = self.cells[c.GIVEN_COUNT + usart] % c.TEXT_CAPACITY
             self.cells[c.GIVEN + usart * c.TEXT_CAPACITY + place] = byte
             self.cells[c.GIVEN_COUNT + usart] += 1
+        self.act(usarts.listen, usart)
+
+    def act(self, function: Callable[..., object], *arguments: int) -> None:
+        """Let the world outside act on a peripheral at the instant that has been reached, by one of its functions."""
         self.cells[c.AT] = self.cells[c.NOW]
-        usarts.listen(self.cells, usart)
+        function(self.cells, *arguments)
         self.cells[c.DUE] = min(self.cells[c.DUES : c.DUES + c.DEVICES])
 
     def close(self) -> None:

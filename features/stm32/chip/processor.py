@@ -56,7 +56,7 @@ def on_unmapped(s: Cells, address: int) -> None:
 
 @integer
 def run(s: Cells, until: int) -> None:
-    """Let time pass until an instant in grains; end before it after a fault, or if the edges must be taken.
+    """Let time pass until an instant in grains; end before it after a fault, or if edges or CAN frames must be taken.
 
     The last block may end after that instant.
     """
@@ -66,10 +66,10 @@ def run(s: Cells, until: int) -> None:
         while s[c.DUE] <= s[c.NOW]:
             act(s)
         s[c.AT] = s[c.NOW]
-        if s[c.FAULT] or s[c.NOW] >= until or s[c.EDGE_COUNT] > c.EDGE_CAPACITY - _EDGES_LEFT:
+        if s[c.FAULT] or s[c.NOW] >= s[c.UNTIL] or s[c.EDGE_COUNT] > c.EDGE_CAPACITY - _EDGES_LEFT:
             return
         if s[c.SLEEPING] and not _wakes(s):
-            s[c.NOW] = max(s[c.NOW], min(until, s[c.DUE]))
+            s[c.NOW] = max(s[c.NOW], min(s[c.UNTIL], s[c.DUE]))
             continue
         if takes_exception(s, 1):
             s[c.SLEEPING] = 0

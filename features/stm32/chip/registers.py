@@ -12,7 +12,7 @@ import numpy as np
 from steptwin.features.stm32.chip import cells as c
 from steptwin.host.common.arrays import Int64Array
 
-PLAIN, RCC, GPIO, AFIO, EXTI, TIMER, USART, IWDG, FLASH = range(1, 10)
+PLAIN, RCC, GPIO, AFIO, EXTI, TIMER, USART, IWDG, FLASH, CAN = range(1, 11)
 """What acts on a write: nothing, or the functions of a module."""
 
 
@@ -100,6 +100,34 @@ _USART = (
     Register("CR3", 0x14, 0, 0x7FF, 0x01),  # without DMA and flow control
     Register("GTPR", 0x18, 0, _HALF, 0),
 )
+_CAN = (
+    Register("MCR", 0x00, 0x00010002, 0x000100FF, 0x000100DF),  # without wake-up by the bus
+    Register("MSR", 0x04, 0x00000C02),
+    Register("TSR", 0x08, 0x1C000000),
+    Register("RF0R", 0x0C),
+    Register("RF1R", 0x10),
+    Register("IER", 0x14, 0, 0x00038F7F),
+    Register("ESR", 0x18, 0, 0x70),
+    Register("BTR", 0x1C, 0x01230000, 0xC37F03FF),
+    *(
+        Register(f"T{name}{i}R", 0x180 + 16 * i + 4 * place, 0, writable, modelled)
+        for i in range(3)
+        for place, (name, writable, modelled) in enumerate(
+            (("I", _WORD, -1), ("DT", 0xFFFF010F, 0xFFFF000F), ("DL", _WORD, -1), ("DH", _WORD, -1))
+        )
+    ),
+    *(
+        Register(f"R{name}{i}R", 0x1B0 + 16 * i + 4 * place)
+        for i in range(2)
+        for place, name in enumerate(("I", "DT", "DL", "DH"))
+    ),
+    Register("FMR", 0x200, 0x2A1C0E01, 1),
+    *(
+        Register(name, at, 0, 0x3FFF)
+        for name, at in (("FM1R", 0x204), ("FS1R", 0x20C), ("FFA1R", 0x214), ("FA1R", 0x21C))
+    ),
+    *(Register(f"F{i // 2}R{i % 2 + 1}", 0x240 + 4 * i, 0, _WORD) for i in range(28)),
+)
 _IWDG = (
     Register("KR", 0x00, 0, _HALF),
     Register("PR", 0x04, 0, 7),
@@ -123,6 +151,7 @@ PERIPHERALS: Final = (
     Peripheral("USART1", "27.6", USART, 0, 0x40013800, (_APB2, 14), _USART),
     Peripheral("USART2", "27.6", USART, 1, 0x40004400, (_APB1, 17), _USART),
     Peripheral("USART3", "27.6", USART, 2, 0x40004800, (_APB1, 18), _USART),
+    Peripheral("CAN", "24.9", CAN, 0, 0x40006400, (_APB1, 25), _CAN),
     Peripheral("IWDG", "19.4", IWDG, 0, 0x40003000, None, _IWDG),
     Peripheral("BKP", "6.4", PLAIN, 0, 0x40006C00, (_APB1, 27), _BKP),
     Peripheral("PWR", "5.4", PLAIN, 0, 0x40007000, (_APB1, 28), _PWR),
@@ -138,7 +167,6 @@ NOT_MODELLED: Final = (
     (0x40005400, 0x40005800, "I2C1"),
     (0x40005800, 0x40005C00, "I2C2"),
     (0x40005C00, 0x40006400, "USB"),
-    (0x40006400, 0x40006800, "CAN"),
     (0x40007400, 0x40007800, "DAC"),
     (0x40012400, 0x40012800, "ADC1"),
     (0x40012800, 0x40012C00, "ADC2"),
