@@ -173,7 +173,7 @@ class ImageStation(CanController):
     def rate_of(s: c.Cells) -> int:
         """Return the bit rate in bit/s: one of the bus' if the difference is in the tolerance of the segments.
 
-        A controller resynchronises by SJW quanta in 10 bits, and must be right at the end of an error flag (ISO 11898-1).
+        A controller resynchronises by SJW quanta in 10 bits, and must be right after an error flag (ISO 11898-1).
         """
         rate = Fraction(_GRAINS_PER_SECOND, can.can_bit_grains(s))
         timing = s[can.BASE + can.BTR]

@@ -46,7 +46,7 @@ class ImageFirmware:
         self.motion: NativeMotion = NativeMotion(len(axes))
         self.transmit: NativeFrames = NativeFrames()
         self.can: ImageStation = ImageStation(self)
-        self.clock: "LocalClock | None" = board.own_clock
+        self.clock: LocalClock | None = board.own_clock
         self.pins: list[PinChange] = []
         self.due_counts: int | None = None
         self._inputs: tuple[DigitalInput, ...] = (DigitalInput(0),) * len(axes)

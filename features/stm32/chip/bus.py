@@ -1,4 +1,4 @@
-"""Accesses to the peripherals and the system space, at the instant of their instruction."""
+"""Accesses to the peripherals and the system space, at the instant `AT`."""
 
 from typing import Final
 
@@ -8,16 +8,16 @@ from steptwin.features.stm32.chip.bookkeeping import note_strange
 from steptwin.features.stm32.chip.can import read_can, write_can
 from steptwin.features.stm32.chip.cells import Cells, integer
 from steptwin.features.stm32.chip.clocks import write_rcc
-from steptwin.features.stm32.chip.cost import forget_costs, part_cycles
-from steptwin.features.stm32.chip.devices import act, next_due
-from steptwin.features.stm32.chip.libunicorn import read_memory, read_register, write_memory
-from steptwin.features.stm32.chip.nvic import PC
+from steptwin.features.stm32.chip.cost import forget_costs
+from steptwin.features.stm32.chip.dma import write_dma
+from steptwin.features.stm32.chip.events import next_due
+from steptwin.features.stm32.chip.libunicorn import read_memory, write_memory
 from steptwin.features.stm32.chip.system import read_system, write_system
 from steptwin.features.stm32.chip.timers import read_timer, write_timer
 from steptwin.features.stm32.chip.usarts import listen, read_usart, write_usart
 
 RCC, GPIO, AFIO, EXTI, TIMER = registers.RCC, registers.GPIO, registers.AFIO, registers.EXTI, registers.TIMER
-USART, IWDG, FLASH, CAN = registers.USART, registers.IWDG, registers.FLASH, registers.CAN
+USART, IWDG, FLASH, CAN, DMA = registers.USART, registers.IWDG, registers.FLASH, registers.CAN, registers.DMA
 RAM, RAM_BITS, PERIPHERAL_BITS = 0x20000000, 0x22000000, 0x42000000
 """The RAM, and the aliases of single bits of RAM and peripherals (PM0056, 2.2.5)."""
 _SPACE: Final = 0xE0000000
@@ -26,17 +26,6 @@ _IWDG_KR: Final = (0x40003000 - c.PERIPHERALS) // 4
 _LSI_HZ: Final = 40_000
 """RM0008, 7.2.5: 30 to 60 kHz."""
 _GRAINS_PER_SECOND: Final = 72_000_000 * c.GRAINS
-
-
-@integer
-def arrive(s: Cells) -> None:
-    """Let the time be that of the instruction that accesses a register, and let devices act that were due before."""
-    at = s[c.NOW]
-    if s[c.BLOCK_SIZE]:
-        at += part_cycles(s, s[c.BLOCK], read_register(s, PC)) * s[c.CYCLE]
-    while s[c.DUE] <= at:
-        act(s)
-    s[c.AT] = at
 
 
 @integer
@@ -138,6 +127,8 @@ def _write_word(s: Cells, address: int, value: int) -> None:
         listen(s, number)
     elif kind == CAN:
         write_can(s, word % 256, value, before)
+    elif kind == DMA:
+        write_dma(s, word % 256, value, before)
     elif kind == IWDG and word == _IWDG_KR:
         if value == 0xCCCC:
             s[c.WATCHDOG_ON] = 1

@@ -55,10 +55,12 @@ UNTIL: Final = _cells()
 """End of the stretch that `run` was asked for."""
 DUE: Final = _cells()
 """The next event of a device: the least of `DUES`."""
-DEVICES: Final = 13
+DEVICES: Final = 14
 DUES: Final = _cells(DEVICES)
-SYSTICK_DUE, TIMER_DUE, SENT_DUE, RECEIVED_DUE, WATCHDOG_DUE, CAN_DUE = 0, 1, 5, 8, 11, 12
-"""Places in `DUES`: one of SysTick, four of the timers, three of the senders and receivers each, one of IWDG and CAN."""
+SYSTICK_DUE, TIMER_DUE, SENT_DUE, RECEIVED_DUE, WATCHDOG_DUE = 0, 1, 5, 8, 11
+"""Places in `DUES`: one of SysTick, four of the timers, three of the senders and receivers each, one of IWDG."""
+CAN_DUE, DMA_DUE = 12, 13
+"""Further ones, one of each."""
 
 # --- the block that is being executed
 BLOCK: Final = _cells()
@@ -67,6 +69,7 @@ BLOCK_SIZE: Final = _cells()
 BLOCK_CYCLES: Final = _cells()
 WAIT_STATES: Final = _cells()
 FLASH_END: Final = _cells()
+RAM_END: Final = _cells()
 
 # --- the processor
 PC: Final = _cells()
@@ -207,6 +210,15 @@ CAN_REQUESTED: Final = _cells(3)
 """By mailbox, the number of its last transmit request."""
 CAN_FIFO: Final = _cells(2 * 3 * 4)
 """By FIFO and place the registers RIxR, RDTxR, RDLxR and RDHxR of a frame; place 0 is read."""
+
+# --- DMA1
+DMA_CHANNELS: Final = 7
+DMA_PULSES: Final = _cells()
+"""Requests that stand until they are served, as bits by channel, from 0."""
+DMA_LEVELS: Final = _cells()
+"""Requests that stand as long as a flag does: 8 bits for each kind of peripherals, by channel."""
+DMA_TOTAL: Final = _cells(DMA_CHANNELS)
+"""Transfers of a round: CNDTR when the channel was enabled."""
 
 # --- accesses that are not modelled
 STRANGE_CAPACITY: Final = 256

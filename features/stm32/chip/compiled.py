@@ -10,7 +10,7 @@ from zlib import crc32
 from numba import carray, cfunc, njit, types
 from numba.extending import register_jitable
 
-from steptwin.features.stm32.chip import bus, numba_calls, processor
+from steptwin.features.stm32.chip import devices, numba_calls, processor
 from steptwin.features.stm32.chip import cells as c
 
 for _each in c.integer_functions:
@@ -65,15 +65,13 @@ def _compiled(sources: int) -> tuple[tuple[int, ...], Any, Any]:
     def read(_uc: int, _offset: int, size: int, state: Any) -> int:
         s = carray(state, _SIZE, _int)
         s[c.SOURCES] = sources
-        bus.arrive(s)
-        return bus.read(s, s[c.ACCESS], _int(size))
+        return devices.read(s, s[c.ACCESS], _int(size))
 
     @cfunc(types.void(_pointer, _long, _word, _long, _pointer), cache=True)
     def write(_uc: int, _offset: int, size: int, value: int, state: Any) -> None:
         s = carray(state, _SIZE, _int)
         s[c.SOURCES] = sources
-        bus.arrive(s)
-        bus.write(s, s[c.ACCESS], _int(size), _int(value) & 0xFFFFFFFF)
+        devices.write(s, s[c.ACCESS], _int(size), _int(value) & 0xFFFFFFFF)
 
     hooks = block, exception, unmapped, access, read, write
     return tuple(each.address or 0 for each in hooks), run, (hooks, numba_calls)

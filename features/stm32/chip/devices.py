@@ -1,20 +1,17 @@
-"""The devices' events in order of time."""
+"""The devices' events in order of time, and the processor's accesses between them."""
 
+from steptwin.features.stm32.chip import bus
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.can import can_event
 from steptwin.features.stm32.chip.cells import Cells, integer
+from steptwin.features.stm32.chip.cost import part_cycles
+from steptwin.features.stm32.chip.events import next_due
+from steptwin.features.stm32.chip.libunicorn import read_register
+from steptwin.features.stm32.chip.nvic import PC
 from steptwin.features.stm32.chip.system import systick_event
 from steptwin.features.stm32.chip.timers import timer_event
+from steptwin.features.stm32.chip.transfers import dma_event, serve_dma
 from steptwin.features.stm32.chip.usarts import usart_received, usart_sent
-
-
-@integer
-def next_due(s: Cells) -> None:
-    """Find the next event."""
-    due = c.NEVER
-    for device in range(c.DEVICES):
-        due = min(due, s[c.DUES + device])
-    s[c.DUE] = due
 
 
 @integer
@@ -34,7 +31,38 @@ def act(s: Cells) -> None:
             usart_received(s, usart)
     if s[c.DUES + c.CAN_DUE] == at:
         can_event(s)
+    if s[c.DUES + c.DMA_DUE] == at:
+        dma_event(s)
     if s[c.DUES + c.WATCHDOG_DUE] == at:
         s[c.DUES + c.WATCHDOG_DUE] = c.NEVER
         s[c.FAULT] = c.FAULT_WATCHDOG
+    if s[c.DMA_PULSES] | s[c.DMA_LEVELS]:
+        serve_dma(s)
     next_due(s)
+
+
+@integer
+def arrive(s: Cells) -> None:
+    """Let the time be that of the instruction that accesses a register, and let devices act that were due before."""
+    at = s[c.NOW]
+    if s[c.BLOCK_SIZE]:
+        at += part_cycles(s, s[c.BLOCK], read_register(s, PC)) * s[c.CYCLE]
+    while s[c.DUE] <= at:
+        act(s)
+    s[c.AT] = at
+
+
+@integer
+def read(s: Cells, address: int, size: int) -> int:
+    """Return what the processor's present instruction reads from a peripheral."""
+    arrive(s)
+    return bus.read(s, address, size)
+
+
+@integer
+def write(s: Cells, address: int, size: int, value: int) -> None:
+    """Let the processor's present instruction write to a peripheral."""
+    arrive(s)
+    bus.write(s, address, size, value)
+    if s[c.DMA_PULSES] | s[c.DMA_LEVELS]:
+        serve_dma(s)

@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from steptwin.features.stm32.chip import bus, gpio, processor, timers, usarts
+from steptwin.features.stm32.chip import bus, devices, gpio, processor, timers, usarts
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.cells import Cells
 from steptwin.features.stm32.chip.clocks import HSI_HZ
@@ -57,12 +57,10 @@ def python_hooks(s: Any) -> Hooks:
         s[c.ACCESS] = address
 
     def read(_uc: int, _offset: int, size: int, _state: int) -> int:
-        bus.arrive(s)
-        return bus.read(s, s[c.ACCESS], size)
+        return devices.read(s, s[c.ACCESS], size)
 
     def write(_uc: int, _offset: int, size: int, value: int, _state: int) -> None:
-        bus.arrive(s)
-        bus.write(s, s[c.ACCESS], size, value & 0xFFFFFFFF)
+        devices.write(s, s[c.ACCESS], size, value & 0xFFFFFFFF)
 
     pointer, word, long = ctypes.c_void_p, ctypes.c_uint32, ctypes.c_uint64
     accessed = pointer, ctypes.c_int, long, ctypes.c_int, ctypes.c_int64, pointer
@@ -116,6 +114,7 @@ class Stm32Chip:
         self.cells: Cells = memoryview(self.state)  # type: ignore[arg-type]
         self._uc = self._open(flash_kb, ram_kb)
         self._reset(vectors, flash_kb, crystal_hz, main)
+        self.cells[c.RAM_END] = RAM_START + 1024 * ram_kb
         fast = find_spec("numba") is not None if compiled is None else compiled
         self._hooks: Hooks = compiled_hooks() if fast else python_hooks(self.cells)
         self._given = self.state if fast else self.cells

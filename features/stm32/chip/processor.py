@@ -5,7 +5,8 @@ from typing import Final
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.cells import Cells, integer
 from steptwin.features.stm32.chip.cost import REFILL_CYCLES, block_cycles
-from steptwin.features.stm32.chip.devices import act, next_due
+from steptwin.features.stm32.chip.devices import act
+from steptwin.features.stm32.chip.events import next_due
 from steptwin.features.stm32.chip.libunicorn import read_memory, read_register, start, stop
 from steptwin.features.stm32.chip.nvic import EXIT_CYCLES, PC, SVCALL, enter, leave, takes_exception
 

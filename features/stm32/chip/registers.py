@@ -12,7 +12,7 @@ import numpy as np
 from steptwin.features.stm32.chip import cells as c
 from steptwin.host.common.arrays import Int64Array
 
-PLAIN, RCC, GPIO, AFIO, EXTI, TIMER, USART, IWDG, FLASH, CAN = range(1, 11)
+PLAIN, RCC, GPIO, AFIO, EXTI, TIMER, USART, IWDG, FLASH, CAN, DMA = range(1, 12)
 """What acts on a write: nothing, or the functions of a module."""
 
 
@@ -41,7 +41,7 @@ class Peripheral(NamedTuple):
 
 
 _WORD, _HALF = 0xFFFFFFFF, 0xFFFF
-_APB2, _APB1 = 0x18, 0x1C
+_AHB, _APB2, _APB1 = 0x14, 0x18, 0x1C
 
 _RCC = (
     Register("CR", 0x00, 0x83, 0x010D00F9, 0x010500F9),  # the clock security system is not modelled
@@ -77,7 +77,7 @@ _TIMER = (
     Register("CR1", 0x00, 0, 0x3FF, 0x8F),  # counting up only
     Register("CR2", 0x04, 0, 0x7FFD, 0),
     Register("SMCR", 0x08, 0, 0xFF77, 0),
-    Register("DIER", 0x0C, 0, 0x7FFF, 0x1F),  # without DMA, trigger and break
+    Register("DIER", 0x0C, 0, 0x7FFF, 0x1F1F),  # without trigger, commutation and break
     Register("SR", 0x10, 0, 0x1EFF),
     Register("EGR", 0x14, 0, 0xFF, 0x1F),
     Register("CCMR1", 0x18, 0, _HALF, 0x7878 | 0x0404),  # outputs; OCxFE is about triggers
@@ -97,7 +97,7 @@ _USART = (
     Register("BRR", 0x08, 0, _HALF),
     Register("CR1", 0x0C, 0, 0x3FFF, 0x30FC),  # without parity, wake-up and break
     Register("CR2", 0x10, 0, 0x7F6F, 0x3000),
-    Register("CR3", 0x14, 0, 0x7FF, 0x01),  # without DMA and flow control
+    Register("CR3", 0x14, 0, 0x7FF, 0xC1),  # without flow control
     Register("GTPR", 0x18, 0, _HALF, 0),
 )
 _CAN = (
@@ -128,6 +128,15 @@ _CAN = (
     ),
     *(Register(f"F{i // 2}R{i % 2 + 1}", 0x240 + 4 * i, 0, _WORD) for i in range(28)),
 )
+_DMA = (
+    Register("ISR", 0x00),
+    Register("IFCR", 0x04),
+    *(
+        Register(f"{name}{i + 1}", 0x08 + 20 * i + 4 * place, 0, writable)
+        for i in range(7)
+        for place, (name, writable) in enumerate((("CCR", 0x7FFF), ("CNDTR", _HALF), ("CPAR", _WORD), ("CMAR", _WORD)))
+    ),
+)
 _IWDG = (
     Register("KR", 0x00, 0, _HALF),
     Register("PR", 0x04, 0, 7),
@@ -152,6 +161,7 @@ PERIPHERALS: Final = (
     Peripheral("USART2", "27.6", USART, 1, 0x40004400, (_APB1, 17), _USART),
     Peripheral("USART3", "27.6", USART, 2, 0x40004800, (_APB1, 18), _USART),
     Peripheral("CAN", "24.9", CAN, 0, 0x40006400, (_APB1, 25), _CAN),
+    Peripheral("DMA1", "13.4", DMA, 0, 0x40020000, (_AHB, 0), _DMA),
     Peripheral("IWDG", "19.4", IWDG, 0, 0x40003000, None, _IWDG),
     Peripheral("BKP", "6.4", PLAIN, 0, 0x40006C00, (_APB1, 27), _BKP),
     Peripheral("PWR", "5.4", PLAIN, 0, 0x40007000, (_APB1, 28), _PWR),
@@ -172,7 +182,6 @@ NOT_MODELLED: Final = (
     (0x40012800, 0x40012C00, "ADC2"),
     (0x40013000, 0x40013400, "SPI1"),
     (0x40013400, 0x40013800, "TIM8"),
-    (0x40020000, 0x40020400, "DMA1"),
     (0x40020400, 0x40020800, "DMA2"),
     (0x40023000, 0x40023400, "CRC"),
 )

@@ -10,6 +10,7 @@ import numpy as np
 
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.cells import Cells, integer
+from steptwin.features.stm32.chip.dma import request_dma
 from steptwin.features.stm32.chip.gpio import set_device_pin
 from steptwin.features.stm32.chip.nvic import set_line
 
@@ -18,6 +19,8 @@ BDTR: Final = 17
 BASES: Final = np.array([(at - c.PERIPHERALS) // 4 for at in (0x40012C00, 0x40000000, 0x40000400, 0x40000800)])
 _UPDATE_IRQ: Final = np.array([25, 28, 29, 30])
 _COMPARE_IRQ: Final = np.array([27, 28, 29, 30])
+_DMA: Final = np.array([[5, 2, 3, 6, 4], [2, 5, 7, 1, 7], [3, 6, 0, 2, 3], [7, 1, 4, 5, 0]])
+"""Channels of update and compare 1 to 4 (RM0008, table 78); 0 is none."""
 CEN, UDIS, URS, OPM, ARPE = 1, 2, 4, 8, 0x80
 UIF: Final = 1
 
@@ -82,7 +85,7 @@ def _ticks_to(s: Cells, timer: int, value: int) -> int:
 def _is_awaited(s: Cells, timer: int, bit: int) -> bool:
     """Return whether somebody would notice an event: update is 0, the channels are 1 to 4."""
     base = c.VALUE + int(BASES[timer])
-    if not s[base + SR] >> bit & 1 or s[base + DIER] >> bit & 1:
+    if not s[base + SR] >> bit & 1 or s[base + DIER] >> bit & 0x101:
         return True
     if bit:
         return _shows(s, timer, bit - 1)
@@ -157,6 +160,8 @@ def timer_event(s: Cells, timer: int) -> None:
     value = s[c.COUNTER + timer]
     if value == 0 and not s[base + CR1] & UDIS:
         s[base + SR] |= UIF
+        if s[base + DIER] >> 8 & 1:
+            request_dma(s, int(_DMA[timer, 0]))
         load(s, timer)
         if s[base + CR1] & OPM:
             s[base + CR1] &= ~CEN
@@ -165,6 +170,8 @@ def timer_event(s: Cells, timer: int) -> None:
         matches = s[c.COMPARE + 4 * timer + channel] == value
         if matches:
             s[base + SR] |= 2 << channel
+            if s[base + DIER] >> 9 + channel & 1:
+                request_dma(s, int(_DMA[timer, 1 + channel]))
         if mode >= 6:
             active = value < s[c.COMPARE + 4 * timer + channel]
             _set_output(s, timer, channel, 1 if active == (mode == 6) else 0)
@@ -225,7 +232,12 @@ def write_timer(s: Cells, timer: int, word: int, value: int, before: int) -> Non
             s[c.COUNTER + timer], s[c.COUNTER_AT + timer] = 0, s[c.AT]
             if not s[base + CR1] & (URS | UDIS):
                 s[base + SR] |= UIF
+                if s[base + DIER] >> 8 & 1:
+                    request_dma(s, int(_DMA[timer, 0]))
         s[base + SR] |= value & 0x1E
+        for channel in range(4):
+            if value >> 1 + channel & s[base + DIER] >> 9 + channel & 1:
+                request_dma(s, int(_DMA[timer, 1 + channel]))
     if word not in (SR, DIER):
         _set_channels(s, timer, word in (CCER, BDTR))
     set_timer_lines(s, timer)

@@ -6,6 +6,7 @@ import numpy as np
 
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.cells import Cells, integer
+from steptwin.features.stm32.chip.dma import OF_USARTS, set_dma_level
 from steptwin.features.stm32.chip.nvic import set_line
 
 SR, DR, BRR, CR1, CR2, CR3 = range(6)
@@ -15,6 +16,9 @@ PINS: Final = (9, 2, 16 + 10)
 _FIRST_IRQ: Final = 37
 ORE, IDLE, RXNE, TC, TXE = 8, 16, 32, 64, 128
 UE, TE, RE = 1 << 13, 8, 4
+DMAR, DMAT = 64, 128
+_DMA: Final = np.array([[4, 5], [7, 6], [2, 3]])
+"""Channels of sender and receiver (RM0008, table 78)."""
 
 
 @integer
@@ -28,11 +32,15 @@ def _byte_grains(s: Cells, usart: int) -> int:
 
 @integer
 def set_usart_line(s: Cells, usart: int) -> None:
-    """Ask for the interrupt."""
+    """Ask for the interrupt, and for DMA (27.3.13)."""
     base = c.VALUE + int(BASES[usart])
     status, control = s[base + SR], s[base + CR1]
     asked = status & control & (TXE | TC | RXNE | IDLE) != 0 or (status & ORE != 0 and control & RXNE != 0)
     set_line(s, _FIRST_IRQ + usart, 1 if asked else 0)
+    by_dma = s[base + CR3]
+    if by_dma & (DMAT | DMAR) or s[c.DMA_LEVELS]:
+        set_dma_level(s, OF_USARTS, int(_DMA[usart, 0]), 1 if by_dma & DMAT and status & TXE and control & UE else 0)
+        set_dma_level(s, OF_USARTS, int(_DMA[usart, 1]), 1 if by_dma & DMAR and status & RXNE else 0)
 
 
 @integer

@@ -5,9 +5,10 @@ from typing import Final
 
 import pytest
 
-from steptwin.features.stm32.chip import bus
+from steptwin.features.stm32.chip import devices
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.engine import Stm32Chip
+from steptwin.features.stm32.chip.libunicorn import write_memory
 
 PROGRAM: Final = 0x08000200
 """Where the program of handlers.S begins, behind the vector table."""
@@ -42,13 +43,20 @@ class Bench:
 
     def write(self, address: int, value: int, size: int = 4) -> None:
         """Write a register now."""
-        bus.arrive(self.chip.cells)
-        bus.write(self.chip.cells, address, size, value)
+        devices.write(self.chip.cells, address, size, value)
 
     def read(self, address: int, size: int = 4) -> int:
         """Read a register now."""
-        bus.arrive(self.chip.cells)
-        return bus.read(self.chip.cells, address, size)
+        return devices.read(self.chip.cells, address, size)
+
+    def memory(self, address: int, size: int) -> bytes:
+        """Return bytes of the memory."""
+        return b"".join(self.chip.word(address + at).to_bytes(4, "little") for at in range(0, size, 4))[:size]
+
+    def set_memory(self, address: int, content: bytes) -> None:
+        """Set bytes of the memory."""
+        for at, byte in enumerate(content):
+            write_memory(self.chip.cells, address + at, 1, byte)
 
     def run(self, counts: int) -> None:
         """Let time pass from now on."""
