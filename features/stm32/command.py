@@ -33,6 +33,7 @@ def run_image(
     until: str | None = option("TEXT", "Run until a USART has sent this text, at most 10s or the time of --for."),
     send: str = option("TEXT", "Text for USART1, from the beginning on; \\n ends a line.", default=""),
     can: Path | None = option("FILE", "CAN frames for the board, in the format of `candump -L`, from power-up on."),
+    flash: Path | None = option("FILE", "Keep what the image programs into its flash in this file."),
     strict: bool = switch("Fail at an access that is not modelled."),
     kernel: str = option(
         "NAME", "Form of the chip: python, numba (compiled), or auto: numba if it is there.", default="auto"
@@ -61,6 +62,7 @@ def run_image(
             strict=strict,
             given=send.replace("\\n", "\n"),
             can_script=can,
+            flash=flash,
             compiled=compiled,
         )
     answer.tell(run.to_dict(), lambda: _print(run))

@@ -1,8 +1,10 @@
 """An image of an STM32F103 as what an emulated board runs: its pins' edges go to the drivers, switches to its pins."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from steptwin.controller.node.axis_context import BoardReadings
 from steptwin.controller.node.pins import Pin, PinChange
 from steptwin.emulator.board.board_firmware import FirmwareError
 from steptwin.features.firmware.native_firmware import NativeFrames, NativeMotion
@@ -10,8 +12,9 @@ from steptwin.features.stm32.can_node import ImageStation
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.engine import Stm32Chip
 from steptwin.features.stm32.image import FlashImage
+from steptwin.features.stm32.kept_flash import KeptFlash
 from steptwin.features.stm32.outcome import fault_sentence
-from steptwin.features.stm32.section import INPUTS, Stm32
+from steptwin.features.stm32.section import INPUTS, ChipPin, Stm32, analog_channel
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
@@ -39,9 +42,11 @@ class ImageFirmware:
         axes: Sequence[tuple[str, int]],
         board: "Board",
         compiled: bool | None,
+        flash: KeptFlash,
     ) -> None:
         """Wire a chip for a board; it begins with `boot`. For `compiled` see `Stm32Chip`."""
         self.image, self._wiring, self._drivers, self._compiled = image, wiring, board.drivers, compiled
+        self._flash, self._readings = flash, board.measurements
         self.chip: Stm32Chip | None = None
         self.motion: NativeMotion = NativeMotion(len(axes))
         self.transmit: NativeFrames = NativeFrames()
@@ -79,13 +84,14 @@ class ImageFirmware:
     def end(self) -> None:
         """Free the chip."""
         if self.chip is not None:
+            self._flash.keep(self.chip)
             self.chip.close()
 
     def boot(self, now_counts: int) -> None:
         """Power up."""
         wiring = self._wiring
         self.chip = Stm32Chip(
-            self.image.segments,
+            self._flash.power_up() + self.image.segments,
             self.image.vectors,
             flash_kb=wiring.flash_kb,
             ram_kb=wiring.ram_kb,
@@ -100,6 +106,7 @@ class ImageFirmware:
         self._straps = [change._replace(counts=now_counts + change.counts) for change in self._straps]
         self.motion.reached_counts = now_counts
         self.chip.begin(now_counts)
+        self.measure(self._readings.supply_10mv, self._readings.temperature_decidegc, now_counts)
         self._pass_inputs()
         for number in self._wires:
             self._take_level(now_counts, number, self.chip.level(number))
@@ -132,8 +139,15 @@ class ImageFirmware:
                 if (pin := joint.pin(key)) is not None:
                     self.chip.drive(pin.number, level=bool(active & which) != pin.inverted)
 
-    def measure(self, supply_10mv: int, temperature_decidegc: int, now_counts: int) -> None:
-        """Analogue inputs are not told."""
+    def measure(self, supply_10mv: int, temperature_decidegc: int, now_counts: int) -> None:  # noqa: ARG002
+        """Set what the ADC measures: the supply at its pin, and the chip's temperature, which is the board's."""
+        self._readings = BoardReadings(supply_10mv, temperature_decidegc)
+        if self.chip is None:
+            return
+        self.chip.set_temperature(temperature_decidegc / 10)
+        wiring = self._wiring
+        if wiring.supply and (channel := analog_channel(ChipPin.of(wiring.supply))) is not None:
+            self.chip.set_voltage(channel, supply_10mv / 100 / wiring.supply_divider)
 
     # --- time forward
 
@@ -166,6 +180,7 @@ class ImageFirmware:
         while self._straps and self._straps[0].counts <= self.motion.reached_counts:
             self.pins.append(self._straps.pop(0))
         self.motion.let_rest()
+        self._flash.keep_if_locked(self.chip)
         if sentence := fault_sentence(self.chip, self.image):
             raise FirmwareError(f"{sentence}, at {self.chip.now_counts / COUNTS_PER_SECOND:.9f} s")
 
@@ -197,17 +212,26 @@ class ImageProgram:
     """An image as the program of a board."""
 
     def __init__(
-        self, image: FlashImage, wiring: Stm32, axes: Sequence[tuple[str, int]], compiled: bool | None = None
+        self,
+        image: FlashImage,
+        wiring: Stm32,
+        axes: Sequence[tuple[str, int]],
+        compiled: bool | None = None,
+        flash: Path | None = None,
     ) -> None:
-        """Take an image for the axes with these names and microsteps; for `compiled` see `Stm32Chip`."""
+        """Take an image for the axes with these names and microsteps; for `compiled` see `Stm32Chip`.
+
+        The content of the flash is kept from one power-up to the next, and in the file `flash` if that is given.
+        """
         self._image, self._wiring, self._axes, self._compiled = image, wiring, tuple(axes), compiled
+        self._flash = KeptFlash(flash)
         self._running: ImageFirmware | None = None
 
     def start(self, board: "Board") -> ImageFirmware:
         """Return the firmware that begins; the one before it ends."""
         if self._running is not None:
             self._running.end()
-        self._running = ImageFirmware(self._image, self._wiring, self._axes, board, self._compiled)
+        self._running = ImageFirmware(self._image, self._wiring, self._axes, board, self._compiled, self._flash)
         return self._running
 
     def connect(self, board: "Board") -> None:

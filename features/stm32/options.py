@@ -23,12 +23,21 @@ _IMAGE: Final = Spelling(
     served=True,
 )
 
+_FLASH: Final = Spelling(
+    key="flash",
+    value="FILE",
+    example='"flash.bin"',
+    says="Keep what the image programs into its flash in this file, from run to run.",
+    served=True,
+)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stm32Options:
     """An image that the board runs instead of our firmware; None: ours. `fitted` adds what the robot file says."""
 
     image: Path | str | None = field(default=None, metadata={SPELLING: _IMAGE})
+    flash: Path | str | None = field(default=None, metadata={SPELLING: _FLASH})
 
     def over(self, other: "Stm32Options") -> "Stm32Options":
         """Return other options, with those of these that are no defaults in place of theirs."""
@@ -53,6 +62,7 @@ class Stm32Options:
             )
         return FittedOptions(
             image=folder / self.image,
+            flash=None if self.flash is None else folder / self.flash,
             wiring=table,
             axes=tuple((axis.name, axis.transmission.microsteps) for axis in robot.axes),
             compiled=compiled,
@@ -80,8 +90,12 @@ class FittedOptions(Stm32Options):
             raise InputError(f"image={self.image}: the STM32F103's processor needs unicorn: {installing('m3')}")
         from steptwin.features.stm32.firmware import ImageProgram
         from steptwin.features.stm32.image import read_image
+        from steptwin.features.stm32.kept_flash import check_flash
 
         assert self.image is not None
         wiring = self.wiring
         image = read_image(self.image, wiring.offset, flash_kb=wiring.flash_kb, ram_kb=wiring.ram_kb)
-        return lambda: ImageProgram(image, wiring, self.axes, self.compiled)
+        flash = None if self.flash is None else Path(self.flash)
+        if flash is not None:
+            check_flash(flash, wiring.flash_kb)
+        return lambda: ImageProgram(image, wiring, self.axes, self.compiled, flash)

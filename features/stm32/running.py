@@ -170,6 +170,7 @@ def run_image(
     strict: bool = False,
     given: str = "",
     can_script: Path | None = None,
+    flash: Path | None = None,
     compiled: bool | None = None,
 ) -> ImageRun:
     """Run an image on a robot's machine.
@@ -182,13 +183,14 @@ def run_image(
         strict: an access that is not modelled fails the run.
         given: text that arrives at USART1 from the beginning on.
         can_script: frames that the host sends, with their instants, in the format of `candump -L`.
+        flash: file that keeps what the image programs into its flash.
         compiled: True for the chip compiled by numba, False for plain Python, None for numba where it is installed.
 
     Raises:
         InputError: the image cannot run on this chip, or has not reached its `main`, or the robot has no chip.
     """
     begun_s = perf_counter()
-    options = Stm32Options(image=path).fitted(robot, Path(), compiled=compiled)
+    options = Stm32Options(image=path, flash=flash).fitted(robot, Path(), compiled=compiled)
     parts = MachineParts.of(robot, python_kernel(), MachineOptions(extras=(options,)))
     simulation = (machine := EmulatedMachine(parts)).simulation
     firmware = simulation.boards[0].running

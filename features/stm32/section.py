@@ -46,6 +46,12 @@ class ChipPin:
         return f"P{'ABCDE'[self.number // 16]}{self.number % 16}"
 
 
+def analog_channel(pin: ChipPin) -> int | None:
+    """Return the ADC's channel of a pin; None if it has none (RM0008, 11.3.3; the datasheet's table 5)."""
+    channels = {**{i: i for i in range(8)}, 16: 8, 17: 9, **{32 + i: 10 + i for i in range(6)}}
+    return channels.get(pin.number)
+
+
 @dataclass(frozen=True, slots=True)
 class JointPins(FileTable):
     """The pins of one joint's driver and switches, such as PA0, or !PA0 for an inverted one.
@@ -95,6 +101,8 @@ class Stm32(FileTable):
         crystal_hz: frequency of the crystal.
         offset: where the program begins in the flash, behind a bootloader that is not there; for an ELF 0 means
             where its first section is.
+        supply: pin of the ADC that measures the supply voltage by a divider; empty: none does.
+        supply_divider: supply voltage over the voltage at that pin.
     """
 
     joints: Mapping[str, JointPins]
@@ -102,10 +110,15 @@ class Stm32(FileTable):
     ram_kb: Annotated[int, Within(4, 64, unit="KB")] = 20
     crystal_hz: Annotated[int, Within(4_000_000, 16_000_000, unit="Hz")] = 8_000_000
     offset: Annotated[int, Within(0, 512 * 1024)] = 0
+    supply: str = ""
+    supply_divider: Annotated[float, Within(1, 100)] = 11.0
 
     def __post_init__(self) -> None:
         check_limits(self)
         findings, used = Findings(), dict[int, str]()
+        with findings.collecting("supply: "):
+            if self.supply and analog_channel(ChipPin.of(self.supply)) is None:
+                raise InputError(f"{self.supply}: is no input of the ADC: PA0 to PA7, PB0, PB1 or PC0 to PC5")
         for place, pin in self._pins():
             if (other := used.setdefault(pin.number, place)) != place:
                 findings.add(f"joints.{place}: {pin.name} is that of {other} already")

@@ -55,11 +55,11 @@ UNTIL: Final = _cells()
 """End of the stretch that `run` was asked for."""
 DUE: Final = _cells()
 """The next event of a device: the least of `DUES`."""
-DEVICES: Final = 14
+DEVICES: Final = 17
 DUES: Final = _cells(DEVICES)
 SYSTICK_DUE, TIMER_DUE, SENT_DUE, RECEIVED_DUE, WATCHDOG_DUE = 0, 1, 5, 8, 11
 """Places in `DUES`: one of SysTick, four of the timers, three of the senders and receivers each, one of IWDG."""
-CAN_DUE, DMA_DUE = 12, 13
+CAN_DUE, DMA_DUE, ADC_DUE, WWDG_DUE, RTC_DUE = 12, 13, 14, 15, 16
 """Further ones, one of each."""
 
 # --- the block that is being executed
@@ -182,6 +182,23 @@ OUTPUT: Final = _cells(4 * TIMERS)
 CHANNEL_PIN: Final = _cells(4 * TIMERS)
 """16 * port + pin of each channel."""
 
+TIMER_AWAITED: Final = _cells(TIMERS)
+"""Events of each timer that another timer or the ADC waits for: update is bit 0, the compares are bits 1 to 4."""
+TIMER_HELD: Final = _cells(TIMERS)
+"""1 for a timer that counts edges of a trigger or encoder, 2 for one that a gate holds."""
+TIMER_EDGES: Final = _cells(TIMERS)
+"""Edges since the last count, before the prescaler."""
+TIMER_FALLS: Final = _cells(TIMERS)
+"""1 if an encoder has turned down."""
+TIMER_PULSES: Final = _cells()
+"""Triggers that timers have given, as bits, their ends from bit 16 on, and bit 8 for edges at inputs."""
+CAPTURE_EDGES: Final = _cells(4 * TIMERS)
+"""Edges since the last capture."""
+INPUT_MASK: Final = _cells(PORTS)
+"""Pins whose edges timers need."""
+INPUT_RISES: Final = _cells(PORTS)
+INPUT_FALLS: Final = _cells(PORTS)
+
 # --- USART 1 to 3
 USARTS: Final = 3
 TEXT_CAPACITY: Final = 1 << 16
@@ -196,8 +213,27 @@ ARRIVED_COUNT: Final = _cells(USARTS)
 GIVEN_COUNT: Final = _cells(USARTS)
 GIVEN: Final = _cells(USARTS * TEXT_CAPACITY)
 
-# --- watchdog
+# --- watchdogs
 WATCHDOG_ON: Final = _cells()
+WWDG_START: Final = _cells()
+"""Counter of WWDG at `WWDG_START_AT`."""
+WWDG_START_AT: Final = _cells()
+
+# --- ADC1
+ADC_CHANNELS: Final = 18
+ADC_INPUT: Final = _cells(ADC_CHANNELS)
+"""What a conversion of each channel yields."""
+ADC_PLACE: Final = _cells()
+"""Place in the sequence that is being converted."""
+ADC_AWAITED: Final = _cells()
+"""5 * timer + event that starts a sequence; -1 for none."""
+
+# --- the flash's controller
+FLASH_KEYS: Final = _cells()
+"""Right keys that have been written; -1 after a wrong one."""
+FLASH_WRITES: Final = _cells()
+"""Half-words that have been programmed."""
+FLASH_ERASES: Final = _cells()
 
 # --- CAN
 CAN_CHANGED: Final = _cells()

@@ -5,6 +5,7 @@ from typing import Final
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.can import tell_can
 from steptwin.features.stm32.chip.cells import Cells, integer
+from steptwin.features.stm32.chip.rtc import start_rtc
 from steptwin.features.stm32.chip.timers import count_to, schedule_timer, set_tick
 
 RCC: Final = (0x40021000 - c.PERIPHERALS) // 4
@@ -73,3 +74,5 @@ def write_rcc(s: Cells, register: int) -> None:
         tell_can(s)
     elif register in (BDCR, CSR):
         s[c.VALUE + register] = s[c.VALUE + register] & ~2 | (s[c.VALUE + register] & 1) << 1
+        if register == BDCR:
+            start_rtc(s)

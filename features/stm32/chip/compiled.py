@@ -10,8 +10,8 @@ from zlib import crc32
 from numba import carray, cfunc, njit, types
 from numba.extending import register_jitable
 
-from steptwin.features.stm32.chip import devices, numba_calls, processor
 from steptwin.features.stm32.chip import cells as c
+from steptwin.features.stm32.chip import devices, numba_calls, processor
 
 for _each in c.integer_functions:
     register_jitable(_nrt=False)(_each)
@@ -49,11 +49,10 @@ def _compiled(sources: int) -> tuple[tuple[int, ...], Any, Any]:
         processor.on_exception(s, _int(number))
 
     @cfunc(types.boolean(*_ACCESS), cache=True)
-    def unmapped(_uc: int, _kind: int, address: int, _bytes: int, _value: int, state: Any) -> bool:
+    def unmapped(_uc: int, kind: int, address: int, size: int, value: int, state: Any) -> bool:
         s = carray(state, _SIZE, _int)
         s[c.SOURCES] = sources
-        processor.on_unmapped(s, _int(address))
-        return False
+        return processor.on_unmapped(s, _int(kind), _int(address), _int(size), value & 0xFFFFFFFF)
 
     @cfunc(types.void(*_ACCESS), cache=True)
     def access(_uc: int, _kind: int, address: int, _bytes: int, _value: int, state: Any) -> None:

@@ -2,16 +2,20 @@
 
 from steptwin.features.stm32.chip import bus
 from steptwin.features.stm32.chip import cells as c
+from steptwin.features.stm32.chip.adc import adc_event
 from steptwin.features.stm32.chip.can import can_event
 from steptwin.features.stm32.chip.cells import Cells, integer
 from steptwin.features.stm32.chip.cost import part_cycles
 from steptwin.features.stm32.chip.events import next_due
 from steptwin.features.stm32.chip.libunicorn import read_register
 from steptwin.features.stm32.chip.nvic import PC
+from steptwin.features.stm32.chip.rtc import rtc_event
 from steptwin.features.stm32.chip.system import systick_event
+from steptwin.features.stm32.chip.timer_inputs import serve_inputs
 from steptwin.features.stm32.chip.timers import timer_event
 from steptwin.features.stm32.chip.transfers import dma_event, serve_dma
 from steptwin.features.stm32.chip.usarts import usart_received, usart_sent
+from steptwin.features.stm32.chip.watchdogs import iwdg_event, wwdg_event
 
 
 @integer
@@ -33,9 +37,22 @@ def act(s: Cells) -> None:
         can_event(s)
     if s[c.DUES + c.DMA_DUE] == at:
         dma_event(s)
+    if s[c.DUES + c.ADC_DUE] == at:
+        adc_event(s)
+    if s[c.DUES + c.RTC_DUE] == at:
+        rtc_event(s)
+    if s[c.DUES + c.WWDG_DUE] == at:
+        wwdg_event(s)
     if s[c.DUES + c.WATCHDOG_DUE] == at:
-        s[c.DUES + c.WATCHDOG_DUE] = c.NEVER
-        s[c.FAULT] = c.FAULT_WATCHDOG
+        iwdg_event(s)
+    serve_events(s)
+
+
+@integer
+def serve_events(s: Cells) -> None:
+    """Let timers and DMA1 take what has just happened at the instant `AT`."""
+    if s[c.TIMER_PULSES]:
+        serve_inputs(s)
     if s[c.DMA_PULSES] | s[c.DMA_LEVELS]:
         serve_dma(s)
     next_due(s)
@@ -64,5 +81,5 @@ def write(s: Cells, address: int, size: int, value: int) -> None:
     """Let the processor's present instruction write to a peripheral."""
     arrive(s)
     bus.write(s, address, size, value)
-    if s[c.DMA_PULSES] | s[c.DMA_LEVELS]:
-        serve_dma(s)
+    if s[c.TIMER_PULSES] | s[c.DMA_PULSES] | s[c.DMA_LEVELS]:
+        serve_events(s)

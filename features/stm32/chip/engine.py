@@ -27,6 +27,7 @@ _ACCESSES: Final = (
     (0xE0000000, 0x100000),
 )
 """Addresses and sizes of what the hooks read and write."""
+_VDDA, _V25, _SLOPE_PER_DEGC, _VREFINT = 3.3, 1.43, 0.0043, 1.2
 _UNIQUE_ID: Final = b"StepTwin\x01\x02\x03\x04"
 
 
@@ -49,9 +50,8 @@ class Hooks(NamedTuple):
 def python_hooks(s: Any) -> Hooks:
     """Return the reference: hooks in plain Python for one chip's state."""
 
-    def unmapped(_uc: int, _kind: int, address: int, _size: int, _value: int, _state: int) -> bool:
-        processor.on_unmapped(s, address)
-        return False
+    def unmapped(_uc: int, kind: int, address: int, size: int, value: int, _state: int) -> bool:
+        return processor.on_unmapped(s, kind, address, size, value & 0xFFFFFFFF)
 
     def access(_uc: int, _kind: int, address: int, _size: int, _value: int, _state: int) -> None:
         s[c.ACCESS] = address
@@ -119,7 +119,8 @@ class Stm32Chip:
         self._hooks: Hooks = compiled_hooks() if fast else python_hooks(self.cells)
         self._given = self.state if fast else self.cells
         self._hook()
-        for address, content in segments:
+        erased = b"\xff" * (1024 * flash_kb)
+        for address, content in ((c.FLASH_START, erased), *segments):
             self._uc.mem_write(address, content)
             self._uc.mem_write(address - c.FLASH_START, content)
         self.cells[c.PC] = self.word(vectors + 4) & ~1
@@ -155,7 +156,8 @@ class Stm32Chip:
         for timer in range(c.TIMERS):
             timers.load(s, timer)
         self.state[c.SHIFTING : c.SHIFTING + c.USARTS] = self.state[c.WAITING : c.WAITING + c.USARTS] = -1
-        s[c.CAN_SENDING] = -1
+        s[c.CAN_SENDING] = s[c.ADC_AWAITED] = -1
+        self.set_temperature(25.0)
         for pin in usarts.PINS:
             s[c.BY_DEVICE + pin // 16] |= 1 << pin % 16  # TX rests high
         gpio.route_channels(s)
@@ -205,8 +207,7 @@ class Stm32Chip:
         self.cells[c.DRIVEN + port] |= bit
         before = self.cells[c.OUTSIDE + port]
         self.cells[c.OUTSIDE + port] = before | bit if level else before & ~bit
-        self.cells[c.AT] = self.cells[c.NOW]
-        gpio.refresh(self.cells, port)
+        self.act(gpio.refresh, port)
 
     def level(self, pin: int) -> int:
         """Return the level of a pin."""
@@ -215,6 +216,20 @@ class Stm32Chip:
     def was_output(self, pin: int) -> bool:
         """Return whether a pin has been an output."""
         return bool(self.cells[c.WAS_OUTPUT + pin // 16] >> pin % 16 & 1)
+
+    @property
+    def flash(self) -> bytes:
+        """Content of the flash."""
+        return bytes(self._uc.mem_read(c.FLASH_START, self.cells[c.FLASH_END] - c.FLASH_START))
+
+    def set_voltage(self, channel: int, volts: float) -> None:
+        """Set the voltage at a channel of the ADC, whose full scale is VDDA = 3.3 V."""
+        self.cells[c.ADC_INPUT + channel] = min(max(round(volts / _VDDA * 4095), 0), 4095)
+
+    def set_temperature(self, temperature_degc: float) -> None:
+        """Set what the chip's own sensors measure: its temperature, and its reference of 1.2 V (RM0008, 11.10)."""
+        self.set_voltage(16, _V25 - _SLOPE_PER_DEGC * (temperature_degc - 25.0))
+        self.set_voltage(17, _VREFINT)
 
     @property
     def now_counts(self) -> int:
@@ -284,7 +299,7 @@ class Stm32Chip:
         """Let the world outside act on a peripheral at the instant that has been reached, by one of its functions."""
         self.cells[c.AT] = self.cells[c.NOW]
         function(self.cells, *arguments)
-        self.cells[c.DUE] = min(self.cells[c.DUES : c.DUES + c.DEVICES])
+        devices.serve_events(self.cells)
 
     def close(self) -> None:
         """Free the memory of unicorn; nothing else may be called afterwards."""

@@ -7,12 +7,15 @@ from steptwin.features.stm32.chip.cells import Cells, integer
 from steptwin.features.stm32.chip.cost import REFILL_CYCLES, block_cycles
 from steptwin.features.stm32.chip.devices import act
 from steptwin.features.stm32.chip.events import next_due
+from steptwin.features.stm32.chip.flash import program_flash
 from steptwin.features.stm32.chip.libunicorn import read_memory, read_register, start, stop
 from steptwin.features.stm32.chip.nvic import EXIT_CYCLES, PC, SVCALL, enter, leave, takes_exception
 
 _WFI, _WFE, _YIELD, _SEV = 0xBF30, 0xBF20, 0xBF10, 0xBF40
 _SVC_EXCEPTION, _BREAKPOINT_EXCEPTION, _EXIT_EXCEPTION = 2, 7, 8
 """unicorn's numbers of exceptions."""
+_WRITE_PROTECTED: Final = 22
+"""unicorn's number of a write to memory that can only be read."""
 _EDGES_LEFT: Final = 512
 """Places in the list of edges that a block may need."""
 
@@ -50,9 +53,12 @@ def on_exception(s: Cells, number: int) -> None:
 
 
 @integer
-def on_unmapped(s: Cells, address: int) -> None:
-    """Note an access to an address where there is nothing."""
+def on_unmapped(s: Cells, kind: int, address: int, size: int, value: int) -> bool:
+    """Note an access to an address where there is nothing; return True for a write that the flash takes."""
+    if kind == _WRITE_PROTECTED and program_flash(s, address, size, value):
+        return True
     s[c.FAULT], s[c.FAULT_AT], s[c.FAULT_PC] = c.FAULT_UNMAPPED, address, read_register(s, PC)
+    return False
 
 
 @integer

@@ -5,8 +5,8 @@ from typing import Final
 
 import pytest
 
-from steptwin.features.stm32.chip import devices
 from steptwin.features.stm32.chip import cells as c
+from steptwin.features.stm32.chip import devices
 from steptwin.features.stm32.chip.engine import Stm32Chip
 from steptwin.features.stm32.chip.libunicorn import write_memory
 
