@@ -15,6 +15,7 @@ from steptwin.features.stm32.image import FlashImage
 from steptwin.features.stm32.kept_flash import KeptFlash
 from steptwin.features.stm32.outcome import fault_sentence
 from steptwin.features.stm32.section import INPUTS, ChipPin, Stm32, analog_channel
+from steptwin.features.stm32.serial_devices import SerialDevices
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
@@ -43,10 +44,11 @@ class ImageFirmware:
         board: "Board",
         compiled: bool | None,
         flash: KeptFlash,
+        devices: SerialDevices,
     ) -> None:
         """Wire a chip for a board; it begins with `boot`. For `compiled` see `Stm32Chip`."""
         self.image, self._wiring, self._drivers, self._compiled = image, wiring, board.drivers, compiled
-        self._flash, self._readings = flash, board.measurements
+        self._flash, self._devices, self._readings = flash, devices, board.measurements
         self.chip: Stm32Chip | None = None
         self.motion: NativeMotion = NativeMotion(len(axes))
         self.transmit: NativeFrames = NativeFrames()
@@ -105,6 +107,7 @@ class ImageFirmware:
             self.chip.watch(number, released=released != bool(inverted))
         self._straps = [change._replace(counts=now_counts + change.counts) for change in self._straps]
         self.motion.reached_counts = now_counts
+        self._devices.connect(self.chip)
         self.chip.begin(now_counts)
         self.measure(self._readings.supply_10mv, self._readings.temperature_decidegc, now_counts)
         self._pass_inputs()
@@ -173,6 +176,7 @@ class ImageFirmware:
     def _run(self, until_counts: int) -> None:
         assert self.chip is not None
         self.chip.run(until_counts)
+        self._devices.raise_failure()
         counts, pins = self.chip.take_edges()
         for at, pin in zip(counts.tolist(), pins.tolist(), strict=True):
             self._take_level(at, pin >> 1, pin & 1)
@@ -218,20 +222,23 @@ class ImageProgram:
         axes: Sequence[tuple[str, int]],
         compiled: bool | None = None,
         flash: Path | None = None,
+        devices: SerialDevices | None = None,
     ) -> None:
         """Take an image for the axes with these names and microsteps; for `compiled` see `Stm32Chip`.
 
         The content of the flash is kept from one power-up to the next, and in the file `flash` if that is given.
         """
         self._image, self._wiring, self._axes, self._compiled = image, wiring, tuple(axes), compiled
-        self._flash = KeptFlash(flash)
+        self._flash, self._devices = KeptFlash(flash), devices or SerialDevices()
         self._running: ImageFirmware | None = None
 
     def start(self, board: "Board") -> ImageFirmware:
         """Return the firmware that begins; the one before it ends."""
         if self._running is not None:
             self._running.end()
-        self._running = ImageFirmware(self._image, self._wiring, self._axes, board, self._compiled, self._flash)
+        self._running = ImageFirmware(
+            self._image, self._wiring, self._axes, board, self._compiled, self._flash, self._devices
+        )
         return self._running
 
     def connect(self, board: "Board") -> None:

@@ -13,6 +13,7 @@ from steptwin.host.twin.machine.machine_options import SPELLING, Spelling
 if TYPE_CHECKING:
     from steptwin.emulator.board.board_firmware import BoardProgram
     from steptwin.features.stm32.section import Stm32
+    from steptwin.features.stm32.serial_devices import I2cAt, SpiAt
     from steptwin.host.robots.robot import Robot
 
 _IMAGE: Final = Spelling(
@@ -38,6 +39,8 @@ class Stm32Options:
 
     image: Path | str | None = field(default=None, metadata={SPELLING: _IMAGE})
     flash: Path | str | None = field(default=None, metadata={SPELLING: _FLASH})
+    devices: "tuple[SpiAt | I2cAt, ...]" = ()
+    """Devices at the chip's SPI and I2C, for tests."""
 
     def over(self, other: "Stm32Options") -> "Stm32Options":
         """Return other options, with those of these that are no defaults in place of theirs."""
@@ -62,6 +65,7 @@ class Stm32Options:
             )
         return FittedOptions(
             image=folder / self.image,
+            devices=self.devices,
             flash=None if self.flash is None else folder / self.flash,
             wiring=table,
             axes=tuple((axis.name, axis.transmission.microsteps) for axis in robot.axes),
@@ -91,11 +95,13 @@ class FittedOptions(Stm32Options):
         from steptwin.features.stm32.firmware import ImageProgram
         from steptwin.features.stm32.image import read_image
         from steptwin.features.stm32.kept_flash import check_flash
+        from steptwin.features.stm32.serial_devices import SerialDevices
 
         assert self.image is not None
         wiring = self.wiring
         image = read_image(self.image, wiring.offset, flash_kb=wiring.flash_kb, ram_kb=wiring.ram_kb)
+        devices = SerialDevices(self.devices)
         flash = None if self.flash is None else Path(self.flash)
         if flash is not None:
             check_flash(flash, wiring.flash_kb)
-        return lambda: ImageProgram(image, wiring, self.axes, self.compiled, flash)
+        return lambda: ImageProgram(image, wiring, self.axes, self.compiled, flash, devices)

@@ -13,8 +13,10 @@ from steptwin.features.stm32.chip.clocks import write_rcc
 from steptwin.features.stm32.chip.dma import write_dma
 from steptwin.features.stm32.chip.events import next_due
 from steptwin.features.stm32.chip.flash import write_flash
+from steptwin.features.stm32.chip.i2c import read_i2c, write_i2c
 from steptwin.features.stm32.chip.libunicorn import read_memory, write_memory
 from steptwin.features.stm32.chip.rtc import backup_is_open, read_rtc, write_rtc
+from steptwin.features.stm32.chip.spi import read_spi, write_spi
 from steptwin.features.stm32.chip.system import read_system, write_system
 from steptwin.features.stm32.chip.timer_inputs import route_inputs
 from steptwin.features.stm32.chip.timers import CCER, CCMR1, CCMR2, CR2, SMCR, read_timer, write_timer
@@ -24,6 +26,7 @@ from steptwin.features.stm32.chip.watchdogs import read_wwdg, write_iwdg, write_
 RCC, GPIO, AFIO, EXTI, TIMER = registers.RCC, registers.GPIO, registers.AFIO, registers.EXTI, registers.TIMER
 USART, IWDG, FLASH, CAN, DMA = registers.USART, registers.IWDG, registers.FLASH, registers.CAN, registers.DMA
 ADC, WWDG, RTC, BKP = registers.ADC, registers.WWDG, registers.RTC, registers.BKP
+SPI, I2C = registers.SPI, registers.I2C
 RAM, RAM_BITS, PERIPHERAL_BITS = 0x20000000, 0x22000000, 0x42000000
 """The RAM, and the aliases of single bits of RAM and peripherals (PM0056, 2.2.5)."""
 _SPACE: Final = 0xE0000000
@@ -67,6 +70,10 @@ def _read_word(s: Cells, address: int) -> int:
         return read_wwdg(s, word % 256)
     if kind == RTC:
         return read_rtc(s, word % 256)
+    if kind == SPI:
+        return read_spi(s, number, word % 256)
+    if kind == I2C:
+        return read_i2c(s, number, word % 256)
     return s[c.VALUE + word]
 
 
@@ -112,11 +119,18 @@ def _write_word(s: Cells, address: int, value: int) -> None:
     s[c.VALUE + word] = before & ~writable | value & writable
     if value & writable & ~s[c.MODELLED + word]:
         note_strange(s, address, c.STRANGE_BITS)
-    kind, number = device // 16, device % 16
+    if device // 16 in (RCC, GPIO, AFIO, EXTI, TIMER, USART):
+        _write_usual(s, word, value, before)
+    else:
+        _write_other(s, word, value, before)
+
+
+@integer
+def _write_usual(s: Cells, word: int, value: int, before: int) -> None:
+    """Let a peripheral act that most firmwares use all the time."""
+    kind, number = s[c.DEVICE + word] // 16, s[c.DEVICE + word] % 16
     if kind == RCC:
         write_rcc(s, word)
-    elif kind == FLASH:
-        write_flash(s, word % 256, value, before)
     elif kind == GPIO:
         gpio.write_gpio(s, number, word % gpio.PORT_WORDS, value)
     elif kind == AFIO:
@@ -133,6 +147,13 @@ def _write_word(s: Cells, address: int, value: int) -> None:
     elif kind == USART:
         write_usart(s, number, word % 256, value, before)
         listen(s, number)
+
+
+@integer
+def _write_other(s: Cells, word: int, value: int, before: int) -> None:
+    kind, number = s[c.DEVICE + word] // 16, s[c.DEVICE + word] % 16
+    if kind == FLASH:
+        write_flash(s, word % 256, value, before)
     elif kind == CAN:
         write_can(s, word % 256, value, before)
     elif kind == DMA:
@@ -147,5 +168,9 @@ def _write_word(s: Cells, address: int, value: int) -> None:
         write_wwdg(s, word % 256, value, before)
     elif kind == RTC:
         write_rtc(s, word % 256, value, before)
+    elif kind == SPI:
+        write_spi(s, number, word % 256, value, before)
+    elif kind == I2C:
+        write_i2c(s, number, word % 256, value, before)
     elif kind == BKP and not backup_is_open(s):
         s[c.VALUE + word] = before

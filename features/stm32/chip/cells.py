@@ -42,6 +42,8 @@ READ_MEMORY: Final = _cells()
 WRITE_MEMORY: Final = _cells()
 START: Final = _cells()
 STOP: Final = _cells()
+ANSWERS: Final = _cells()
+"""Address of what answers for the devices outside."""
 
 # --- time, in grains
 NOW: Final = _cells()
@@ -55,12 +57,12 @@ UNTIL: Final = _cells()
 """End of the stretch that `run` was asked for."""
 DUE: Final = _cells()
 """The next event of a device: the least of `DUES`."""
-DEVICES: Final = 17
+DEVICES: Final = 21
 DUES: Final = _cells(DEVICES)
 SYSTICK_DUE, TIMER_DUE, SENT_DUE, RECEIVED_DUE, WATCHDOG_DUE = 0, 1, 5, 8, 11
 """Places in `DUES`: one of SysTick, four of the timers, three of the senders and receivers each, one of IWDG."""
-CAN_DUE, DMA_DUE, ADC_DUE, WWDG_DUE, RTC_DUE = 12, 13, 14, 15, 16
-"""Further ones, one of each."""
+CAN_DUE, DMA_DUE, ADC_DUE, WWDG_DUE, RTC_DUE, SPI_DUE, I2C_DUE = 12, 13, 14, 15, 16, 17, 19
+"""Further ones: one of each, of SPI and I2C two."""
 
 # --- the block that is being executed
 BLOCK: Final = _cells()
@@ -227,6 +229,23 @@ ADC_PLACE: Final = _cells()
 """Place in the sequence that is being converted."""
 ADC_AWAITED: Final = _cells()
 """5 * timer + event that starts a sequence; -1 for none."""
+
+# --- SPI 1 and 2, I2C 1 and 2
+SERIALS: Final = 2
+SPI_SHIFTING: Final = _cells(SERIALS)
+"""The word that is being exchanged; -1 for none. Likewise for the following ones."""
+SPI_WAITING: Final = _cells(SERIALS)
+SPI_READ: Final = _cells(SERIALS)
+"""1 if DR has been read since SR was."""
+I2C_STATE: Final = _cells(SERIALS)
+I2C_SHIFTING: Final = _cells(SERIALS)
+I2C_WAITING: Final = _cells(SERIALS)
+I2C_ACK: Final = _cells(SERIALS)
+"""ACK when the byte began that is being received."""
+I2C_MORE: Final = _cells(SERIALS)
+"""1 if the last byte was acknowledged, so that another one follows."""
+SELECT_MASK: Final = _cells(PORTS)
+"""Pins that select a device."""
 
 # --- the flash's controller
 FLASH_KEYS: Final = _cells()

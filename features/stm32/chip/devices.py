@@ -7,9 +7,11 @@ from steptwin.features.stm32.chip.can import can_event
 from steptwin.features.stm32.chip.cells import Cells, integer
 from steptwin.features.stm32.chip.cost import part_cycles
 from steptwin.features.stm32.chip.events import next_due
+from steptwin.features.stm32.chip.i2c import i2c_event
 from steptwin.features.stm32.chip.libunicorn import read_register
 from steptwin.features.stm32.chip.nvic import PC
 from steptwin.features.stm32.chip.rtc import rtc_event
+from steptwin.features.stm32.chip.spi import spi_event
 from steptwin.features.stm32.chip.system import systick_event
 from steptwin.features.stm32.chip.timer_inputs import serve_inputs
 from steptwin.features.stm32.chip.timers import timer_event
@@ -39,6 +41,11 @@ def act(s: Cells) -> None:
         dma_event(s)
     if s[c.DUES + c.ADC_DUE] == at:
         adc_event(s)
+    for number in range(c.SERIALS):
+        if s[c.DUES + c.SPI_DUE + number] == at:
+            spi_event(s, number)
+        if s[c.DUES + c.I2C_DUE + number] == at:
+            i2c_event(s, number)
     if s[c.DUES + c.RTC_DUE] == at:
         rtc_event(s)
     if s[c.DUES + c.WWDG_DUE] == at:

@@ -11,8 +11,8 @@ ISR, IFCR, CCR1 = 0, 1, 2
 CHANNEL_WORDS: Final = 5
 EN, DIR, CIRC, PINC, MINC, MEM2MEM = 1, 16, 32, 64, 128, 1 << 14
 GIF, TCIF, HTIF, TEIF = 1, 2, 4, 8
-OF_USARTS: Final = 0
-"""Place of the USARTs in `DMA_LEVELS`."""
+OF_USARTS, OF_SPIS, OF_I2CS = 0, 1, 2
+"""Places of the kinds of peripherals in `DMA_LEVELS`."""
 TRANSFER_CYCLES: Final = 6
 """Of a transfer from memory to memory (AN2548, 2.2): five of the bus and an idle one."""
 _FIRST_IRQ: Final = 11

@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from steptwin.features.stm32.chip import bus, devices, gpio, processor, timers, usarts
+from steptwin.features.stm32.chip import bus, devices, gpio, outside, processor, timers, usarts
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.cells import Cells
 from steptwin.features.stm32.chip.clocks import HSI_HZ
@@ -157,6 +157,9 @@ class Stm32Chip:
             timers.load(s, timer)
         self.state[c.SHIFTING : c.SHIFTING + c.USARTS] = self.state[c.WAITING : c.WAITING + c.USARTS] = -1
         s[c.CAN_SENDING] = s[c.ADC_AWAITED] = -1
+        for first in (c.SPI_SHIFTING, c.SPI_WAITING, c.I2C_WAITING):
+            self.state[first : first + c.SERIALS] = -1
+        s[c.ANSWERS] = outside.address_of(outside.NOBODY)
         self.set_temperature(25.0)
         for pin in usarts.PINS:
             s[c.BY_DEVICE + pin // 16] |= 1 << pin % 16  # TX rests high

@@ -7,6 +7,7 @@ import numpy as np
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.cells import Cells, integer
 from steptwin.features.stm32.chip.nvic import set_line
+from steptwin.features.stm32.chip.outside import SELECT, ask
 
 AFIO: Final = (0x40010000 - c.PERIPHERALS) // 4
 MAPR: Final = AFIO + 1
@@ -90,6 +91,10 @@ def refresh(s: Cells, port: int) -> None:
         s[c.INPUT_RISES + port] |= changed & levels
         s[c.INPUT_FALLS + port] |= changed & ~levels
         s[c.TIMER_PULSES] |= 1 << 8
+    if changed & s[c.SELECT_MASK + port]:
+        for pin in range(16):
+            if changed & s[c.SELECT_MASK + port] & 1 << pin:
+                ask(s, SELECT, 16 * port + pin, levels >> pin & 1)
     kept = changed & s[c.WATCHED + port]
     pin = 0
     while kept:

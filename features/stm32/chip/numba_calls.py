@@ -1,4 +1,7 @@
-"""How numba makes the calls of `libunicorn`: by the functions' addresses in the state. Only `compiled` imports this."""
+"""How numba makes the calls of `libunicorn` and `outside`: by the functions' addresses in the state.
+
+Only `compiled` imports this.
+"""
 
 from typing import Any
 
@@ -18,6 +21,7 @@ from steptwin.features.stm32.chip.libunicorn import (
     write_memory,
     write_register,
 )
+from steptwin.features.stm32.chip.outside import ask
 
 long, word, byte = ir.IntType(64), ir.IntType(32), ir.IntType(8)
 
@@ -136,3 +140,19 @@ def _(s: Any) -> Any:
         call_stop(s[c.STOP], s[c.UC])
 
     return halt
+
+
+@intrinsic
+def call_outside(_: Any, function: Any, question: Any, number: Any, value: Any) -> Any:
+    def make(_: Any, builder: Any, __: Any, given: Any) -> Any:
+        pointer = builder.inttoptr(given[0], ir.FunctionType(long, [long] * 3).as_pointer())
+        return builder.call(pointer, list(given[1:]))
+
+    return types.int64(types.int64, types.int64, types.int64, types.int64), make
+
+
+overload(ask)(
+    lambda s, question, number, value: (
+        lambda s, question, number, value: call_outside(s[c.ANSWERS], question, number, value)
+    )
+)

@@ -12,7 +12,7 @@ import numpy as np
 from steptwin.features.stm32.chip import cells as c
 from steptwin.host.common.arrays import Int64Array
 
-PLAIN, RCC, GPIO, AFIO, EXTI, TIMER, USART, IWDG, FLASH, CAN, DMA, ADC, WWDG, RTC, BKP = range(1, 16)
+PLAIN, RCC, GPIO, AFIO, EXTI, TIMER, USART, IWDG, FLASH, CAN, DMA, ADC, WWDG, RTC, BKP, SPI, I2C = range(1, 18)
 """What acts on a write: nothing, or the functions of a module."""
 
 
@@ -179,6 +179,28 @@ _RTC = (
     Register("ALRH", 0x20, _HALF, _HALF),
     Register("ALRL", 0x24, _HALF, _HALF),
 )
+_SPI = (
+    Register("CR1", 0x00, 0, _HALF, 0x0BFF),  # without CRC, one wire, and receiving alone
+    Register("CR2", 0x04, 0, 0xE7, 0xE7),
+    Register("SR", 0x08, 2, 0x10),
+    Register("DR", 0x0C, 0, _HALF),
+    Register("CRCPR", 0x10, 7, _HALF),
+    Register("RXCRCR", 0x14),
+    Register("TXCRCR", 0x18),
+    Register("I2SCFGR", 0x1C, 0, 0xFBF, 0),
+    Register("I2SPR", 0x20, 2, 0x3FF, 0),
+)
+_I2C = (
+    Register("CR1", 0x00, 0, 0xBFFB, 0x8F81),  # without SMBus and PEC
+    Register("CR2", 0x04, 0, 0x1F3F, 0x0F3F),  # without LAST
+    Register("OAR1", 0x08, 0, 0xC3FF, 0x4000),  # it is a master alone
+    Register("OAR2", 0x0C, 0, 0xFF, 0),
+    Register("DR", 0x10, 0, 0xFF),
+    Register("SR1", 0x14, 0, 0xDF00),
+    Register("SR2", 0x18),
+    Register("CCR", 0x1C, 0, 0xCFFF),
+    Register("TRISE", 0x20, 2, 0x3F),
+)
 _IWDG = (
     Register("KR", 0x00, 0, _HALF),
     Register("PR", 0x04, 0, 7),
@@ -210,6 +232,9 @@ PERIPHERALS: Final = (
     Peripheral("CAN", "24.9", CAN, 0, 0x40006400, (_APB1, 25), _CAN),
     Peripheral("DMA1", "13.4", DMA, 0, 0x40020000, (_AHB, 0), _DMA),
     Peripheral("IWDG", "19.4", IWDG, 0, 0x40003000, None, _IWDG),
+    Peripheral("SPI1", "25.5", SPI, 0, 0x40013000, (_APB2, 12), _SPI),
+    Peripheral("SPI2", "25.5", SPI, 1, 0x40003800, (_APB1, 14), _SPI),
+    *(Peripheral(f"I2C{1 + i}", "26.6", I2C, i, 0x40005400 + 0x400 * i, (_APB1, 21 + i), _I2C) for i in range(2)),
     Peripheral("WWDG", "20.6", WWDG, 0, 0x40002C00, (_APB1, 11), _WWDG),
     Peripheral("RTC", "18.4", RTC, 0, 0x40002800, (_APB1, 27), _RTC),
     Peripheral("ADC1", "11.12", ADC, 0, 0x40012400, (_APB2, 9), _ADC),
@@ -219,15 +244,11 @@ PERIPHERALS: Final = (
 
 NOT_MODELLED: Final = (
     (0x40000C00, 0x40002000, "TIM5 to TIM14"),
-    (0x40003800, 0x40003C00, "SPI2"),
     (0x40003C00, 0x40004000, "SPI3"),
     (0x40004C00, 0x40005400, "UART4 or UART5"),
-    (0x40005400, 0x40005800, "I2C1"),
-    (0x40005800, 0x40005C00, "I2C2"),
     (0x40005C00, 0x40006400, "USB"),
     (0x40007400, 0x40007800, "DAC"),
     (0x40012800, 0x40012C00, "ADC2"),
-    (0x40013000, 0x40013400, "SPI1"),
     (0x40013400, 0x40013800, "TIM8"),
     (0x40020400, 0x40020800, "DMA2"),
     (0x40023000, 0x40023400, "CRC"),
