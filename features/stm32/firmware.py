@@ -159,10 +159,10 @@ class ImageFirmware:
         motion = self.motion
         if self.chip is None:
             motion.reached_counts = max(motion.reached_counts, until_counts)
-        while motion.reached_counts < until_counts:
+        while (chip := self.chip) is not None and motion.reached_counts < until_counts:
             starts = motion.starts
             self._run(min(until_counts, motion.reached_counts + _SLICE_COUNTS))
-            if motion.starts != starts or self.chip.cells[c.CAN_CHANGED]:
+            if motion.starts != starts or chip.cells[c.CAN_CHANGED]:
                 break
         pulse_counts = self._drivers.pulse_min_counts
         while self.chip is not None and motion.begins_pulse(pulse_counts):

@@ -26,6 +26,13 @@ def request_dma(s: Cells, channel: int) -> None:
 
 
 @integer
+def withdraw_dma(s: Cells, channel: int) -> None:
+    """Withdraw a request that has not been served."""
+    if channel:
+        s[c.DMA_PULSES] &= ~(1 << channel - 1)
+
+
+@integer
 def set_dma_level(s: Cells, kind: int, channel: int, level: int) -> None:
     """Set whether a peripheral requests transfers of a channel, numbered from 1."""
     bit = 1 << 8 * kind + channel - 1

@@ -161,8 +161,6 @@ class Stm32Chip:
             self.state[first : first + c.SERIALS] = -1
         s[c.ANSWERS] = outside.address_of(outside.NOBODY)
         self.set_temperature(25.0)
-        for pin in usarts.PINS:
-            s[c.BY_DEVICE + pin // 16] |= 1 << pin % 16  # TX rests high
         gpio.route_channels(s)
         for port in range(c.PORTS):
             gpio.set_modes(s, port)

@@ -129,7 +129,7 @@ def _gate_is_open(s: Cells, timer: int) -> bool:
 @integer
 def serve_inputs(s: Cells) -> None:
     """Let timers take the edges at their inputs and the triggers of other timers that have happened at `AT`."""
-    while s[c.TIMER_PULSES]:
+    for _ in range(c.TIMERS):  # each timer may trigger the next one
         pulses = s[c.TIMER_PULSES]
         s[c.TIMER_PULSES] = 0
         if pulses & _EDGES:
@@ -149,6 +149,7 @@ def serve_inputs(s: Cells) -> None:
                 _trigger(s, timer, 1)
             elif master >= 0 and pulses >> 16 + master & 1:
                 _trigger(s, timer, 0)
+    s[c.TIMER_PULSES] = 0
 
 
 @integer

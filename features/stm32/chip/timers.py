@@ -12,7 +12,7 @@ import numpy as np
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.adc import trigger_adc
 from steptwin.features.stm32.chip.cells import Cells, integer
-from steptwin.features.stm32.chip.dma import request_dma
+from steptwin.features.stm32.chip.dma import request_dma, withdraw_dma
 from steptwin.features.stm32.chip.gpio import set_device_pin
 from steptwin.features.stm32.chip.nvic import set_line
 
@@ -224,6 +224,9 @@ def load(s: Cells, timer: int) -> None:
     """Take over the preloaded registers, as an update does."""
     base = c.VALUE + int(BASES[timer])
     s[c.PRESCALER + timer], s[c.RELOAD + timer] = s[base + PSC], s[base + ARR]
+    if s[base + CR1] & 0x70:
+        last = 2 * s[c.RELOAD + timer] - 1 if _centred(s, timer) else s[c.RELOAD + timer]
+        s[c.COUNTER + timer] = min(s[c.COUNTER + timer], max(last, 0))
     for channel in range(4):
         s[c.COMPARE + 4 * timer + channel] = s[base + CCR1 + channel]
     set_tick(s, timer)
@@ -363,6 +366,10 @@ def write_timer(s: Cells, timer: int, word: int, value: int, before: int) -> Non
     s[base + word] = new
     if word == SR:
         s[base + SR] = before & value
+    elif word == DIER:
+        for event in range(5):
+            if before & ~new & 1 << 8 + event:
+                withdraw_dma(s, int(_DMA[timer, event]))
     elif word == CNT:
         set_counter(s, timer, value & 0xFFFF)
     elif word == CR1:

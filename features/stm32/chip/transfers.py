@@ -1,6 +1,6 @@
 """DMA1's transfers: which request is served first, and what is read and written where (RM0008, 13.3).
 
-A transfer on request happens at its request's instant.
+A transfer on request happens at its request's instant; where a request stands on, the next one some cycles later.
 """
 
 from typing import Final
@@ -33,16 +33,23 @@ _PERIPHERALS_END: Final = c.PERIPHERALS + 4 * c.REGISTER_WORDS
 
 @integer
 def serve_dma(s: Cells) -> None:
-    """Make the transfers that are requested, by priority and then by number of the channel."""
+    """Make a transfer of each channel that is requested, by priority and then by number."""
+    served = 0
     while True:
         levels = s[c.DMA_LEVELS]
         asked = (s[c.DMA_PULSES] | levels | levels >> 8 | levels >> 16) & 0x7F
-        best, rank = -1, 4
+        best, rank, again = -1, 4, 0
         for channel in range(c.DMA_CHANNELS):
-            if asked >> channel & 1 and _can_transfer(s, channel) and 3 - _priority(s, channel) < rank:
-                best, rank = channel, 3 - _priority(s, channel)
+            if asked >> channel & 1 and _can_transfer(s, channel):
+                if served >> channel & 1:
+                    again = 1
+                elif 3 - _priority(s, channel) < rank:
+                    best, rank = channel, 3 - _priority(s, channel)
         if best < 0:
+            if again:
+                s[c.DUES + c.DMA_DUE] = min(s[c.DUES + c.DMA_DUE], s[c.AT] + TRANSFER_CYCLES * s[c.CYCLE])
             return
+        served |= 1 << best
         s[c.DMA_PULSES] &= ~(1 << best)
         _transfer(s, best)
 

@@ -7,11 +7,12 @@ import numpy as np
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.cells import Cells, integer
 from steptwin.features.stm32.chip.dma import OF_USARTS, set_dma_level
+from steptwin.features.stm32.chip.gpio import set_device_pin
 from steptwin.features.stm32.chip.nvic import set_line
 
 SR, DR, BRR, CR1, CR2, CR3 = range(6)
 BASES: Final = np.array([(at - c.PERIPHERALS) // 4 for at in (0x40013800, 0x40004400, 0x40004800)])
-PINS: Final = (9, 2, 16 + 10)
+_TX_PINS: Final = np.array([9, 2, 16 + 10])
 """The pin of each TX without a remap: 16 * port + pin."""
 _FIRST_IRQ: Final = 37
 ORE, IDLE, RXNE, TC, TXE = 8, 16, 32, 64, 128
@@ -117,4 +118,7 @@ def write_usart(s: Cells, usart: int, word: int, value: int, before: int) -> Non
                 _begin_byte(s, usart)
     elif word == SR:
         s[base + SR] = before & (value | ~(TC | RXNE))
+    elif word == CR1 and (value ^ before) & (UE | TE):
+        on = value & (UE | TE) == UE | TE
+        set_device_pin(s, int(_TX_PINS[usart]), 1 if on else 0)  # TX is high between bytes
     set_usart_line(s, usart)

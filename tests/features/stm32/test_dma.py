@@ -166,3 +166,20 @@ def test_a_usart_sends_and_receives_by_its_channels(bench: Bench) -> None:
     assert bench.chip.sent(0) == b"hello"
     assert bench.memory(_RAM + 0x100, 3) == b"abc"
     assert (_flags(bench, 4), _flags(bench, 5)) == (7, 7)
+
+
+@pytest.mark.parametrize(("withdrawn", "left"), [(False, 2), (True, 3)])
+def test_a_request_that_was_not_served_waits_for_the_channel_until_its_enable_is_cleared(
+    bench: Bench, withdrawn: bool, left: int
+) -> None:
+    _bench(bench)
+    _channel(bench, 2, 0x0A91, 1, TIM2 + 0x34, _RAM)
+    _updates(bench)
+    bench.run(250)
+    assert _count(bench, 2) == 0
+    if withdrawn:
+        bench.write(_DIER, 0)
+        bench.write(_DIER, _UPDATE)
+    bench.write(_DMA + 0x1C, 0)
+    _channel(bench, 2, 0x0A91, 3, TIM2 + 0x34, _RAM)
+    assert _count(bench, 2) == left

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 from random import Random
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import pytest
 
@@ -75,7 +75,10 @@ def _random_accesses(count: int) -> list[_Access]:
 def _passed(accesses: list[_Access], *, compiled: bool) -> tuple[list[int], list[int]]:
     """Return what the accesses have read, and the chip's state after them."""
     bench = Bench(compiled=compiled)
-    chip, read, write = bench.chip, devices.read, devices.write
+    chip = bench.chip
+    cells: Any = chip.state if compiled else chip.cells
+    read: Any = devices.read
+    write: Any = devices.write
     if compiled:
         from numba import njit
 
@@ -88,9 +91,9 @@ def _passed(accesses: list[_Access], *, compiled: bool) -> tuple[list[int], list
             chip.run(chip.now_counts + value)
             chip.take_edges()
         elif writes:
-            write(chip.state if compiled else chip.cells, address, 4, value)
+            write(cells, address, 4, value)
         else:
-            values.append(int(read(chip.state if compiled else chip.cells, address, 4)))
+            values.append(int(read(cells, address, 4)))
     state = [*chip.state[c.NOW : c.EDGES].tolist(), *chip.state[c.COUNTER : c.KNOWN_SIZE].tolist()]
     chip.close()
     return values, state

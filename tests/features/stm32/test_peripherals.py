@@ -326,3 +326,10 @@ def test_a_peripheral_without_its_clock_reads_0_and_takes_nothing(bench: Bench) 
 def test_the_flash_takes_its_wait_states(bench: Bench) -> None:
     bench.write(FLASH_ACR, 0x12)
     assert bench.chip.cells[c.WAIT_STATES] == 2
+
+
+def test_tx_is_high_between_bytes_while_its_usart_is_on(bench: Bench) -> None:
+    bench.write(GPIOA + 4, 0x444444B4)
+    assert bench.read(GPIOA + 8) >> 9 & 1 == 0
+    _usart(bench)
+    assert bench.read(GPIOA + 8) >> 9 & 1 == 1
