@@ -183,10 +183,12 @@ class ImageStation(CanController):
         return next((each for each in BITRATES if abs(rate / each - 1) <= tolerance), round(rate))
 
     def error(self, bus_bitrate: int) -> str:
-        """Return why the firmware cannot communicate at a bus' bit rate; empty if it can, or did not try."""
+        """Return what was wrong with the firmware's communication at a bus' bit rate; empty if nothing was."""
         chip = self._firmware.chip
-        if not self.joined or chip is None or (rate := self.rate_of(chip.cells)) == bus_bitrate:
+        if not self.joined or chip is None:
             return ""
+        if (rate := self.rate_of(chip.cells)) == bus_bitrate:
+            return f"CAN: the controller went into bus-off, {self.bus_offs} times" if self.bus_offs else ""
         timing = chip.cells[can.BASE + can.BTR]
         quanta = 3 + (timing >> 16 & 15) + (timing >> 20 & 7)
         clock_hz = rate * quanta * ((timing & 0x3FF) + 1)

@@ -1,7 +1,7 @@
 """unicorn and the functions around it: memory, hooks, and the stretch of time that is run."""
 
 import ctypes
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from importlib.util import find_spec
 from typing import Any, Final, NamedTuple
@@ -39,11 +39,13 @@ class Hooks(NamedTuple):
             nothing, before an access to a peripheral, to read it, and to write it. The fourth one notes the address;
             while there is such a function, unicorn keeps PC exact at accesses, too.
         run: runs a chip until an instant in grains.
+        called: addresses of functions that the hooks call, by their cells.
         kept: what must live as long as the addresses.
     """
 
     addresses: tuple[int, ...]
     run: Callable[[Any, int], None]
+    called: Mapping[int, int]
     kept: Any
 
 
@@ -74,7 +76,7 @@ def python_hooks(s: Any) -> Hooks:
         ctypes.CFUNCTYPE(long, pointer, long, word, pointer)(read),
         ctypes.CFUNCTYPE(None, pointer, long, word, long, pointer)(write),
     )
-    return Hooks(tuple(ctypes.cast(each, pointer).value or 0 for each in kept), processor.run, kept)
+    return Hooks(tuple(ctypes.cast(each, pointer).value or 0 for each in kept), processor.run, {}, kept)
 
 
 @cache
@@ -82,7 +84,7 @@ def compiled_hooks() -> Hooks:
     """Return hooks that numba has compiled, for any chip; raises ModuleNotFoundError without the extra `fast`."""
     from steptwin.features.stm32.chip import compiled
 
-    return Hooks(compiled.HOOKS, compiled.RUN, compiled.KEPT)
+    return Hooks(compiled.HOOKS, compiled.RUN, compiled.CALLED, compiled.KEPT)
 
 
 class Stm32Chip:
@@ -118,6 +120,8 @@ class Stm32Chip:
         fast = find_spec("numba") is not None if compiled is None else compiled
         self._hooks: Hooks = compiled_hooks() if fast else python_hooks(self.cells)
         self._given = self.state if fast else self.cells
+        for cell, address in self._hooks.called.items():
+            self.cells[cell] = address
         self._hook()
         erased = b"\xff" * (1024 * flash_kb)
         for address, content in ((c.FLASH_START, erased), *segments):
