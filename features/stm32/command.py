@@ -15,6 +15,7 @@ from steptwin.host.common.bad_input import known, prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.extras import installing
 from steptwin.host.twin.machine.machine_options import MachineOptions
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 if TYPE_CHECKING:
     from steptwin.features.stm32.profile import ImageProfile
@@ -79,6 +80,8 @@ def run_image(
     machine: Annotated[MachineOptions, Without(())],
     file: Path = argument("FILE", "The ELF or .bin that is flashed into the STM32F103.", MISSING),
     robot: str | None = option("ROBOT", "Robot file with the pins of the chip (docs/stm32-image.md)."),
+    can: Path | None = option("FILE", "CAN frames for the board, in the format of `candump -L`, from power-up on."),
+    flash: Path | None = option("FILE", "Keep what the image programs into its flash in this file."),
     strict: bool = switch("Fail at an access that is not modelled, and at an event that was missed."),
     gdb: int | None = option("PORT", "Wait for gdb at this port of this machine; 0 takes a free one."),
     kernel: str = option(
@@ -116,6 +119,8 @@ def run_image(
             strict=strict,
             vcd=waveform.vcd,
             pins=pins,
+            can_script=can,
+            flash=flash,
             compiled=compiled,
             debugger=debugger,
         )
@@ -155,6 +160,10 @@ def _print(run: "ImageRun") -> None:
     for name, text in run.sent.items():
         for line in text.splitlines()[-_LINES:]:
             say(f"{name}: {line}")
+    if run.frames:
+        say(f"CAN: {number_of(len(run.frames), 'frame')}; the last ones:")
+    for counts, frame in run.frames[-_LINES:]:
+        say(f"CAN: {counts / COUNTS_PER_SECOND:.6f} s {frame.cob_id:03X}#{frame.data.hex().upper()}")
     say(*(f"reason: {reason}" for reason in run.reasons))
     say(
         f"times within a stretch of instructions may be wrong by {COST_PERCENT} % of it",
@@ -172,11 +181,14 @@ def _print_profile(profile: "ImageProfile") -> None:
     say(f"{profile.exceptions_percent:5.1f} %  (to handlers and back)", f"{profile.asleep_percent:5.1f} %  (asleep)")
     if profile.masked_by:
         say(f"interrupts off for at most {profile.masked_us_max:.3g} us, from {profile.masked_by}")
+    if profile.flash_writes or profile.flash_erases:
+        written, erased = number_of(profile.flash_writes, "half-word"), number_of(profile.flash_erases, "erase")
+        say(f"flash: {written} programmed, {erased}")
     say(f"main stack: {profile.stack_used_bytes} of {profile.stack_bytes} bytes used")
 
 
 _LINES: Final = 10
-"""Last lines of a USART that are printed."""
+"""Last lines of a USART, and frames, that are printed."""
 
 
 def _figure(value: float | None) -> str:

@@ -17,6 +17,7 @@ from steptwin.host.twin.machine.machine_options import SPELLING, Spelling
 if TYPE_CHECKING:
     from steptwin.emulator.board.board_firmware import BoardProgram
     from steptwin.features.stm32.section import JointPins, Stm32
+    from steptwin.features.stm32.serial_devices import I2cAt, SpiAt
     from steptwin.host.robots.robot import Robot
 
 _IMAGE: Final = Spelling(
@@ -24,6 +25,14 @@ _IMAGE: Final = Spelling(
     value="FILE",
     example='"build/fw.elf"',
     says="Let the board run this image of an STM32F103, wired as the robot file's pins say (docs/stm32-image.md).",
+    served=True,
+)
+
+_FLASH: Final = Spelling(
+    key="flash",
+    value="FILE",
+    example='"flash.bin"',
+    says="Keep what the image programs into its flash in this file, from run to run.",
     served=True,
 )
 
@@ -59,6 +68,9 @@ class Stm32Options:
 
     image: Path | str | None = field(default=None, metadata={SPELLING: _IMAGE})
     uart_port: int | None = field(default=None, metadata={SPELLING: _UART_PORT})
+    flash: Path | str | None = field(default=None, metadata={SPELLING: _FLASH})
+    devices: "tuple[SpiAt | I2cAt, ...]" = ()
+    """Devices at the chip's SPI and I2C, for tests."""
 
     def over(self, other: "Stm32Options") -> "Stm32Options":
         """Return other options, with those of these that are no defaults in place of theirs."""
@@ -87,6 +99,8 @@ class Stm32Options:
         return FittedOptions(
             image=folder / self.image,
             uart_port=self.uart_port,
+            devices=self.devices,
+            flash=None if self.flash is None else folder / self.flash,
             chip=table,
             axes=tuple(WiredAxis(axis.name, axis.transmission.microsteps, pins[axis.name]) for axis in robot.axes),
             compiled=compiled,
@@ -143,8 +157,14 @@ class FittedOptions(Stm32Options):
             raise InputError(f"image={self.image}: the STM32F103's processor needs unicorn: {installing('m3')}")
         from steptwin.features.stm32.firmware import ImageProgram
         from steptwin.features.stm32.image import read_image
+        from steptwin.features.stm32.kept_flash import check_flash
+        from steptwin.features.stm32.serial_devices import SerialDevices
 
         assert self.image is not None
         chip = self.chip
         image = read_image(self.image, chip.offset, flash_kb=chip.flash_kb, ram_kb=chip.ram_kb)
-        return lambda: ImageProgram(image, chip, self.axes, self.compiled)
+        devices = SerialDevices(self.devices)
+        flash = None if self.flash is None else Path(self.flash)
+        if flash is not None:
+            check_flash(flash, chip.flash_kb)
+        return lambda: ImageProgram(image, chip, self.axes, self.compiled, flash, devices)

@@ -18,7 +18,8 @@ def fault_sentence(chip: Stm32Chip, image: FlashImage) -> str:
         return ""
     pc = chip.cells[c.FAULT_PC] or chip.cells[c.PC]
     if fault == c.FAULT_WATCHDOG:
-        return f"the watchdog IWDG resets the processor: it was not refreshed, {image.place(chip.cells[c.PC])}"
+        watchdog, why = ("WWDG", "refreshed too early or not") if at else ("IWDG", "not refreshed")
+        return f"the watchdog {watchdog} resets the processor: it was {why}, {image.place(chip.cells[c.PC])}"
     if fault == c.FAULT_RESET:
         return f"the firmware resets the processor (SYSRESETREQ), {image.place(chip.cells[c.PC])}"
     if fault == c.FAULT_STACK:

@@ -32,7 +32,9 @@ class ImagePart(MachinePart):
         """Return the running image for a test, whose time passes by `wait`."""
         assert self._machine is not None
         simulation = self._machine.simulation
-        return ImageTools(lambda: _running(simulation), wait)
+        return ImageTools(
+            lambda: _running(simulation), wait, lambda frame: simulation.host.send(frame, simulation.now_counts)
+        )
 
     def described(self) -> Sequence[str]:
         return () if self._ports is None else self._ports.described()

@@ -39,6 +39,8 @@ class ImageProfile:
         masked_by: the code that began it; empty if there was none.
         stack_used_bytes: most bytes of the main stack that were used.
         stack_bytes: bytes between the variables and the top of the main stack.
+        flash_writes: half-words of the flash that were programmed.
+        flash_erases: pages that were erased.
     """
 
     functions: tuple[FunctionTime, ...]
@@ -48,6 +50,8 @@ class ImageProfile:
     masked_by: str
     stack_used_bytes: int
     stack_bytes: int
+    flash_writes: int
+    flash_erases: int
 
     def to_dict(self) -> dict[str, Any]:
         """Return it for JSON."""
@@ -77,6 +81,8 @@ def profile_of(chip: Stm32Chip, image: FlashImage) -> ImageProfile:
         masked_by=image.place(by) if masked else "",
         stack_used_bytes=used,
         stack_bytes=size,
+        flash_writes=chip.cells[c.FLASH_WRITES],
+        flash_erases=chip.cells[c.FLASH_ERASES],
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from steptwin.controller.motion.backend import python_kernel
 from steptwin.emulator.board.board_firmware import FirmwareError
 from steptwin.emulator.simulation import Simulation
+from steptwin.features.stm32.can_script import CanScript, frame_texts
 from steptwin.features.stm32.firmware import ImageFirmware
 from steptwin.features.stm32.gdb_server import GdbServer
 from steptwin.features.stm32.options import Stm32Options
@@ -24,6 +25,7 @@ from steptwin.features.stm32.tools import STEP_S, ExpectationError, ImageTools
 from steptwin.host.cli.output import number_of
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
+from steptwin.host.record.bus_log import read_frames
 from steptwin.host.record.waveforms import Format, HeldValues, Signal, SignalKind, Window, write_waveform
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.emulated_machine import EmulatedMachine, MachineParts
@@ -32,6 +34,7 @@ from steptwin.host.twin.machine.machine_options import AS_FILED, MachineOptions
 from steptwin.host.verify import AxisEvidence, Evidence
 from steptwin.host.verify.figures import clk_high_us_min, clk_low_us_min, peak_rate_hz, reversals
 from steptwin.host.verify.report import ViolationReport, violation_reports
+from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND, COUNTS_PER_US
 
 COST_PERCENT: Final = 25
@@ -119,6 +122,7 @@ class ImageRun:
             the events that came before the last one was served.
         profile: where the time went, and the stack.
         sent: what each USART has sent, by its name.
+        frames: frames on the CAN bus, each with the instant when it became valid.
         happened: what features tell of the machine, such as what has become of each fault.
         reasons: one line for each reason why the run fails.
         hints: what a user should know although it fails nothing.
@@ -135,6 +139,7 @@ class ImageRun:
     interrupts: dict[int, tuple[int, float, int]]
     profile: ImageProfile
     sent: dict[str, str]
+    frames: tuple[tuple[int, Frame], ...]
     happened: Mapping[str, Any]
     reasons: tuple[str, ...]
     hints: tuple[str, ...]
@@ -165,6 +170,7 @@ class ImageRun:
             ],
             "profile": self.profile.to_dict(),
             "sent": self.sent,
+            "can": frame_texts(self.frames),
             **self.happened,
         }
 
@@ -181,6 +187,8 @@ class RunPlan:
         strict: an access that is not modelled, and an event that was missed, fails the run.
         vcd: file for the waveform of pins; None: none.
         pins: these pins, by number; empty: those that are wired.
+        can_script: frames that the host sends, with their instants, in the format of `candump -L`.
+        flash: file that keeps what the image programs into its flash.
         compiled: True for the chip compiled by numba, False for plain Python, None for numba where it is installed.
         debugger: its server; the run begins when it has let it.
     """
@@ -192,6 +200,8 @@ class RunPlan:
     strict: bool = False
     vcd: Path | None = None
     pins: Sequence[ChipPin] = ()
+    can_script: Path | None = None
+    flash: Path | None = None
     compiled: bool | None = None
     debugger: GdbServer | None = None
 
@@ -207,13 +217,15 @@ def run_image(path: Path, robot: Robot, plan: RunPlan) -> ImageRun:
         InputError: the image cannot run on this chip, or has not reached its `main`, or the robot has no chip.
     """
     begun_s = perf_counter()
-    image = Stm32Options(image=path).fitted(robot, Path(), compiled=plan.compiled)
+    image = Stm32Options(image=path, flash=plan.flash).fitted(robot, Path(), compiled=plan.compiled)
     others = [each for each in plan.machine.extras if not isinstance(each, Stm32Options)]
     options = replace(plan.machine, extras=(image, *others))
     parts = MachineParts.of(robot, python_kernel(), options)
     simulation = (machine := EmulatedMachine(parts)).simulation
     part = machine.parts.features["stm32"]
     assert isinstance(part, ImagePart)
+    if plan.can_script is not None:
+        simulation.join(CanScript(simulation, read_frames(plan.can_script)))
     tools, reasons, found_s = _run(simulation, part, plan)
     firmware, chip = tools.firmware, tools.chip
     if not reasons and chip.main_ahead:
@@ -224,6 +236,8 @@ def run_image(path: Path, robot: Robot, plan: RunPlan) -> ImageRun:
         reasons.append(f"no USART has sent {plan.until_text!r} within {plan.for_s:g} s")
     axes = axes_evidence(machine, currents=False)
     violations = violation_reports(Evidence(0, axes))
+    if error := firmware.can.error(machine.bus.bitrate):
+        reasons.append(error)
     strange = strange_accesses(chip, firmware.image)
     reasons += _wrong_outputs(firmware, wiring_of(robot))
     reasons += [
@@ -254,6 +268,7 @@ def run_image(path: Path, robot: Robot, plan: RunPlan) -> ImageRun:
         strange=tuple(strange),
         interrupts=chip.interrupts,
         profile=profile_of(chip, firmware.image),
+        frames=tuple(machine.bus_log),
         sent={f"USART{number}": usart.text for number, usart in enumerate(tools.usarts, start=1) if usart.text},
         happened=machine.parts_document(),
         reasons=tuple(reasons + (hints if plan.strict else [])),

@@ -6,6 +6,7 @@ A line is an action, with an instant in front of it before which it does not beg
     expect "ready" 100ms
     send "G91\\n"
     expect "ok"
+    can 201#0102
     50ms send usart2 "ping\\r\\n"
     1.5s
 
@@ -25,6 +26,7 @@ from steptwin.host.common.bad_input import shortened, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.own_files import read_text
+from steptwin.protocol.frame import Frame
 
 _BYTES_MAX: Final = 1 << 20
 _UNITS_S: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
@@ -62,8 +64,13 @@ def _expect(tools: ImageTools, found: Match[str]) -> None:
     _usart(tools, found).expect(json.loads(found[2]), _WITHIN_S if within is None else _seconds(within))
 
 
+def _can(tools: ImageTools, found: Match[str]) -> None:
+    tools.send_frame(Frame(int(found[1], 16), bytes.fromhex(found[2])))
+
+
 ACTIONS: Final[Mapping[str, Action]] = {
     "send": Action('send "TEXT\\n"', re.compile(_TEXT), _send),
+    "can": Action("can 201#0102", re.compile(r"([0-7][0-9A-Fa-f]{2})#((?:[0-9A-Fa-f]{2}){0,8})"), _can),
     "expect": Action('expect "TEXT" 100ms', re.compile(rf"{_TEXT}(?:\s+({_TIME.pattern}))?"), _expect),
 }
 """The actions by the first word of their lines."""
@@ -124,7 +131,7 @@ def _line(place: str, text: str) -> ScriptLine:
     if arguments is None:
         raise InputError(f"{shortened(text)}: is not written as {action.form}")
     try:
-        json.loads(arguments[2])
+        json.loads(arguments[2] if arguments[2].startswith('"') else "0")
     except ValueError:
         raise InputError(f"{shortened(text)}: its text has a \\ before a character that needs none") from None
     return ScriptLine(place, at_s, action, arguments)

@@ -5,9 +5,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Final
 
+from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_models import FileTable
-from steptwin.host.common.file_values import Within
+from steptwin.host.common.file_values import Within, check_limits
 from steptwin.host.common.findings import Findings
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.cia402 import DigitalInput
@@ -43,6 +44,12 @@ class ChipPin:
     def name(self) -> str:
         """Its name, such as PA0."""
         return f"P{'ABCDE'[self.number // 16]}{self.number % 16}"
+
+
+def analog_channel(pin: ChipPin) -> int | None:
+    """Return the ADC's channel of a pin; None if it has none (RM0008, 11.3.3; the datasheet's table 5)."""
+    channels = {**{i: i for i in range(8)}, 16: 8, 17: 9, **{32 + i: 10 + i for i in range(6)}}
+    return channels.get(pin.number)
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,12 +100,22 @@ class Stm32(FileTable):
         crystal_hz: frequency of the crystal.
         offset: where the program begins in the flash, behind a bootloader that is not there; for an ELF 0 means
             where its first section is.
+        supply: pin of the ADC that measures the supply voltage by a divider; empty: none does.
+        supply_divider: supply voltage over the voltage at that pin.
     """
 
     flash_kb: Annotated[int, Within(16, 512, unit="KB")] = 128
     ram_kb: Annotated[int, Within(4, 64, unit="KB")] = 20
     crystal_hz: Annotated[int, Within(4_000_000, 16_000_000, unit="Hz")] = 8_000_000
     offset: Annotated[int, Within(0, 512 * 1024)] = 0
+    supply: str = ""
+    supply_divider: Annotated[float, Within(1, 100)] = 11.0
+
+    def __post_init__(self) -> None:
+        check_limits(self)
+        with prefixed("supply: "):
+            if self.supply and analog_channel(ChipPin.of(self.supply)) is None:
+                raise InputError(f"{self.supply}: is no input of the ADC: PA0 to PA7, PB0, PB1 or PC0 to PC5")
 
     def check(self, robot: Robot) -> None:
         """Raise InputError unless each axis has its pins, and no two wires are at one pin."""

@@ -8,6 +8,7 @@ from steptwin.features.stm32.chip.engine import ChipSnapshot, Stm32Chip
 from steptwin.features.stm32.firmware import ImageFirmware
 from steptwin.features.stm32.section import ChipPin
 from steptwin.host.common.errors import InputError
+from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 STEP_S: Final = 0.001
@@ -156,12 +157,18 @@ class ImageTools:
 
     Attributes:
         wait: lets time pass, in seconds.
+        send_frame: sends a frame as the host.
         usarts: its USARTs.
     """
 
-    def __init__(self, running: Callable[[], ImageFirmware], wait: Callable[[float], None]) -> None:
+    def __init__(
+        self,
+        running: Callable[[], ImageFirmware],
+        wait: Callable[[float], None],
+        send_frame: Callable[[Frame], None],
+    ) -> None:
         """Look at what a board runs now, which is another firmware after each power-up."""
-        self._running, self.wait = running, wait
+        self._running, self.wait, self.send_frame = running, wait, send_frame
         self.usarts: tuple[Usart, ...] = tuple(Usart(self, number) for number in range(c.USARTS))
 
     @property

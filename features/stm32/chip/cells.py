@@ -51,6 +51,13 @@ READ_MEMORY: Final = _cells()
 WRITE_MEMORY: Final = _cells()
 START: Final = _cells()
 STOP: Final = _cells()
+ACT: Final = _cells()
+"""Addresses of functions that numba has compiled once: two of `devices` and two of `bus`."""
+SERVE_EVENTS: Final = _cells()
+BUS_READ: Final = _cells()
+BUS_WRITE: Final = _cells()
+ANSWERS: Final = _cells()
+"""Address of what answers for the devices outside."""
 
 # --- time, in grains
 NOW: Final = _instants()
@@ -64,10 +71,12 @@ UNTIL: Final = _cells()
 """End of the stretch that `run` was asked for."""
 DUE: Final = _instants()
 """The next event of a device: the least of `DUES`."""
-DEVICES: Final = 12
+DEVICES: Final = 21
 DUES: Final = _instants(DEVICES)
 SYSTICK_DUE, TIMER_DUE, SENT_DUE, RECEIVED_DUE, WATCHDOG_DUE = 0, 1, 5, 8, 11
 """Places in `DUES`: one of SysTick, four of the timers, three of the senders and receivers each, one of IWDG."""
+CAN_DUE, DMA_DUE, ADC_DUE, WWDG_DUE, RTC_DUE, SPI_DUE, I2C_DUE = 12, 13, 14, 15, 16, 17, 19
+"""Further ones: one of each, of SPI and I2C two."""
 
 # --- the block that is being executed
 BLOCK: Final = _cells()
@@ -76,6 +85,7 @@ BLOCK_SIZE: Final = _cells()
 BLOCK_CYCLES: Final = _cells()
 WAIT_STATES: Final = _cells()
 FLASH_END: Final = _cells()
+RAM_END: Final = _cells()
 
 # --- the processor
 PC: Final = _cells()
@@ -218,6 +228,23 @@ OUTPUT: Final = _cells(4 * TIMERS)
 CHANNEL_PIN: Final = _cells(4 * TIMERS)
 """16 * port + pin of each channel."""
 
+TIMER_AWAITED: Final = _cells(TIMERS)
+"""Events of each timer that another timer or the ADC waits for: update is bit 0, the compares are bits 1 to 4."""
+TIMER_HELD: Final = _cells(TIMERS)
+"""1 for a timer that counts edges of a trigger or encoder, 2 for one that a gate holds."""
+TIMER_EDGES: Final = _cells(TIMERS)
+"""Edges since the last count, before the prescaler."""
+TIMER_FALLS: Final = _cells(TIMERS)
+"""1 if an encoder has turned down."""
+TIMER_PULSES: Final = _cells()
+"""Triggers that timers have given, as bits, their ends from bit 16 on, and bit 8 for edges at inputs."""
+CAPTURE_EDGES: Final = _cells(4 * TIMERS)
+"""Edges since the last capture."""
+INPUT_MASK: Final = _cells(PORTS)
+"""Pins whose edges timers need."""
+INPUT_RISES: Final = _cells(PORTS)
+INPUT_FALLS: Final = _cells(PORTS)
+
 # --- USART 1 to 3
 USARTS: Final = 3
 TEXT_CAPACITY: Final = 1 << 16
@@ -232,8 +259,65 @@ ARRIVED_COUNT: Final = _cells(USARTS)
 GIVEN_COUNT: Final = _cells(USARTS)
 GIVEN: Final = _cells(USARTS * TEXT_CAPACITY)
 
-# --- watchdog
+# --- watchdogs
 WATCHDOG_ON: Final = _cells()
+WWDG_START: Final = _cells()
+"""Counter of WWDG at `WWDG_START_AT`."""
+WWDG_START_AT: Final = _instants()
+
+# --- ADC1
+ADC_CHANNELS: Final = 18
+ADC_INPUT: Final = _cells(ADC_CHANNELS)
+"""What a conversion of each channel yields."""
+ADC_PLACE: Final = _cells()
+"""Place in the sequence that is being converted."""
+ADC_AWAITED: Final = _cells()
+"""5 * timer + event that starts a sequence; -1 for none."""
+
+# --- SPI 1 and 2, I2C 1 and 2
+SERIALS: Final = 2
+SPI_SHIFTING: Final = _cells(SERIALS)
+"""The word that is being exchanged; -1 for none. Likewise for the following ones."""
+SPI_WAITING: Final = _cells(SERIALS)
+SPI_READ: Final = _cells(SERIALS)
+"""1 if DR has been read since SR was."""
+I2C_STATE: Final = _cells(SERIALS)
+I2C_SHIFTING: Final = _cells(SERIALS)
+I2C_WAITING: Final = _cells(SERIALS)
+I2C_ACK: Final = _cells(SERIALS)
+"""ACK when the byte began that is being received."""
+I2C_MORE: Final = _cells(SERIALS)
+"""1 if the last byte was acknowledged, so that another one follows."""
+SELECT_MASK: Final = _cells(PORTS)
+"""Pins that select a device."""
+
+# --- the flash's controller
+FLASH_KEYS: Final = _cells()
+"""Right keys that have been written; -1 after a wrong one."""
+FLASH_WRITES: Final = _cells()
+"""Half-words that have been programmed."""
+FLASH_ERASES: Final = _cells()
+
+# --- CAN
+CAN_CHANGED: Final = _cells()
+"""1 if the firmware has done what the bus must know: a mode, a bit timing, or a mailbox."""
+CAN_SENDING: Final = _cells()
+"""The mailbox whose frame is on the wire; -1 for none."""
+CAN_REQUESTS: Final = _cells()
+"""Number of transmit requests so far."""
+CAN_REQUESTED: Final = _cells(3)
+"""By mailbox, the number of its last transmit request."""
+CAN_FIFO: Final = _cells(2 * 3 * 4)
+"""By FIFO and place the registers RIxR, RDTxR, RDLxR and RDHxR of a frame; place 0 is read."""
+
+# --- DMA1
+DMA_CHANNELS: Final = 7
+DMA_PULSES: Final = _cells()
+"""Requests that stand until they are served, as bits by channel, from 0."""
+DMA_LEVELS: Final = _cells()
+"""Requests that stand as long as a flag does: 8 bits for each kind of peripherals, by channel."""
+DMA_TOTAL: Final = _cells(DMA_CHANNELS)
+"""Transfers of a round: CNDTR when the channel was enabled."""
 
 # --- accesses that are not modelled
 STRANGE_CAPACITY: Final = 256

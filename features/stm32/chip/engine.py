@@ -1,14 +1,14 @@
 """unicorn and the functions around it: memory, hooks, and the stretch of time that is run."""
 
 import ctypes
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from importlib.util import find_spec
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from steptwin.features.stm32.chip import bus, gpio, processor, timers, usarts
+from steptwin.features.stm32.chip import bus, devices, gpio, outside, processor, timers, usarts
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.cells import Cells
 from steptwin.features.stm32.chip.clocks import HSI_HZ
@@ -27,6 +27,7 @@ _ACCESSES: Final = (
     (0xE0000000, 0x100000),
 )
 """Addresses and sizes of what the hooks read and write."""
+_VDDA, _V25, _SLOPE_PER_DEGC, _VREFINT = 3.3, 1.43, 0.0043, 1.2
 _UNIQUE_ID: Final = b"StepTwin\x01\x02\x03\x04"
 _UNTOUCHED: Final = b"\xa5\x5a\xc3\x3c"
 """What the RAM is filled with at power-up; a chip's has any content."""
@@ -41,31 +42,30 @@ class Hooks(NamedTuple):
             for a debugger. The fourth one notes the address; while there is such a function, unicorn keeps PC exact
             at accesses, too.
         run: runs a chip until an instant in grains.
+        called: addresses of functions that the hooks call, by their cells.
         kept: what must live as long as the addresses.
     """
 
     addresses: tuple[int, ...]
     run: Callable[[Any, int], None]
+    called: Mapping[int, int]
     kept: Any
 
 
 def python_hooks(s: Any) -> Hooks:
     """Return the reference: hooks in plain Python for one chip's state."""
 
-    def unmapped(_uc: int, _kind: int, address: int, _size: int, _value: int, _state: int) -> bool:
-        processor.on_unmapped(s, address)
-        return False
+    def unmapped(_uc: int, kind: int, address: int, size: int, value: int, _state: int) -> bool:
+        return processor.on_unmapped(s, kind, address, size, value & 0xFFFFFFFF)
 
     def access(_uc: int, _kind: int, address: int, _size: int, _value: int, _state: int) -> None:
         s[c.ACCESS] = address
 
     def read(_uc: int, _offset: int, size: int, _state: int) -> int:
-        bus.arrive(s)
-        return bus.read(s, s[c.ACCESS], size)
+        return devices.read(s, s[c.ACCESS], size)
 
     def write(_uc: int, _offset: int, size: int, value: int, _state: int) -> None:
-        bus.arrive(s)
-        bus.write(s, s[c.ACCESS], size, value & 0xFFFFFFFF)
+        devices.write(s, s[c.ACCESS], size, value & 0xFFFFFFFF)
 
     pointer, word, long = ctypes.c_void_p, ctypes.c_uint32, ctypes.c_uint64
     accessed = pointer, ctypes.c_int, long, ctypes.c_int, ctypes.c_int64, pointer
@@ -82,7 +82,7 @@ def python_hooks(s: Any) -> Hooks:
             lambda _uc, address, _size, _: processor.on_instruction(s, address)
         ),
     )
-    return Hooks(tuple(ctypes.cast(each, pointer).value or 0 for each in kept), processor.run, kept)
+    return Hooks(tuple(ctypes.cast(each, pointer).value or 0 for each in kept), processor.run, {}, kept)
 
 
 @cache
@@ -90,7 +90,7 @@ def compiled_hooks() -> Hooks:
     """Return hooks that numba has compiled, for any chip; raises ModuleNotFoundError without the extra `fast`."""
     from steptwin.features.stm32.chip import compiled
 
-    return Hooks(compiled.HOOKS, compiled.RUN, compiled.KEPT)
+    return Hooks(compiled.HOOKS, compiled.RUN, compiled.CALLED, compiled.KEPT)
 
 
 class ChipSnapshot(NamedTuple):
@@ -135,11 +135,15 @@ class Stm32Chip:
         self._data_end = data_end
         self._uc = self._open(flash_kb, ram_kb)
         self._reset(vectors, flash_kb, crystal_hz, main)
+        self.cells[c.RAM_END] = RAM_START + 1024 * ram_kb
         fast = find_spec("numba") is not None if compiled is None else compiled
         self._hooks: Hooks = compiled_hooks() if fast else python_hooks(self.cells)
         self._given = self.state if fast else self.cells
+        for cell, address in self._hooks.called.items():
+            self.cells[cell] = address
         self._hook()
-        for address, content in segments:
+        erased = b"\xff" * (1024 * flash_kb)
+        for address, content in ((c.FLASH_START, erased), *segments):
             self._uc.mem_write(address, content)
             self._uc.mem_write(address - c.FLASH_START, content)
         self.cells[c.PC] = self.word(vectors + 4) & ~1
@@ -178,8 +182,11 @@ class Stm32Chip:
         for timer in range(c.TIMERS):
             timers.load(s, timer)
         self.state[c.SHIFTING : c.SHIFTING + c.USARTS] = self.state[c.WAITING : c.WAITING + c.USARTS] = -1
-        for pin in usarts.PINS:
-            s[c.BY_DEVICE + pin // 16] |= 1 << pin % 16  # TX rests high
+        s[c.CAN_SENDING] = s[c.ADC_AWAITED] = -1
+        for first in (c.SPI_SHIFTING, c.SPI_WAITING, c.I2C_WAITING):
+            self.state[first : first + c.SERIALS] = -1
+        s[c.ANSWERS] = outside.address_of(outside.NOBODY)
+        self.set_temperature(25.0)
         gpio.route_channels(s)
         for port in range(c.PORTS):
             gpio.set_modes(s, port)
@@ -228,8 +235,7 @@ class Stm32Chip:
         self.cells[c.DRIVEN + port] |= bit
         before = self.cells[c.OUTSIDE + port]
         self.cells[c.OUTSIDE + port] = before | bit if level else before & ~bit
-        self.cells[c.AT] = self.cells[c.NOW]
-        gpio.refresh(self.cells, port)
+        self.act(gpio.refresh, port)
 
     def level(self, pin: int) -> int:
         """Return the level of a pin."""
@@ -242,6 +248,20 @@ class Stm32Chip:
     def left_output(self, pin: int) -> bool:
         """Return whether a pin has been an output and then an input again."""
         return bool(self.cells[c.LEFT_OUTPUT + pin // 16] >> pin % 16 & 1)
+
+    @property
+    def flash(self) -> bytes:
+        """Content of the flash."""
+        return bytes(self._uc.mem_read(c.FLASH_START, self.cells[c.FLASH_END] - c.FLASH_START))
+
+    def set_voltage(self, channel: int, volts: float) -> None:
+        """Set the voltage at a channel of the ADC, whose full scale is VDDA = 3.3 V."""
+        self.cells[c.ADC_INPUT + channel] = min(max(round(volts / _VDDA * 4095), 0), 4095)
+
+    def set_temperature(self, temperature_degc: float) -> None:
+        """Set what the chip's own sensors measure: its temperature, and its reference of 1.2 V (RM0008, 11.10)."""
+        self.set_voltage(16, _V25 - _SLOPE_PER_DEGC * (temperature_degc - 25.0))
+        self.set_voltage(17, _VREFINT)
 
     @property
     def now_counts(self) -> int:
@@ -318,9 +338,13 @@ class Stm32Chip:
             place = self.cells[c.GIVEN_COUNT + usart] % c.TEXT_CAPACITY
             self.cells[c.GIVEN + usart * c.TEXT_CAPACITY + place] = byte
             self.cells[c.GIVEN_COUNT + usart] += 1
+        self.act(usarts.listen, usart)
+
+    def act(self, function: Callable[..., object], *arguments: int) -> None:
+        """Let the world outside act on a peripheral at the instant that has been reached, by one of its functions."""
         self.cells[c.AT] = self.cells[c.NOW]
-        usarts.listen(self.cells, usart)
-        self.cells[c.DUE] = min(self.cells[c.DUES : c.DUES + c.DEVICES])
+        function(self.cells, *arguments)
+        devices.serve_events(self.cells)
 
     def memory(self, address: int, size: int) -> bytes | None:
         """Return what stands at an address of RAM or flash; None if there is neither."""

@@ -5,7 +5,9 @@ from typing import Final
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.cells import Cells, integer
 from steptwin.features.stm32.chip.cost import REFILL_CYCLES, block_cycles, part_cycles
-from steptwin.features.stm32.chip.devices import act, next_due
+from steptwin.features.stm32.chip.devices import act
+from steptwin.features.stm32.chip.events import next_due
+from steptwin.features.stm32.chip.flash import program_flash
 from steptwin.features.stm32.chip.libunicorn import read_memory, read_register, start, stop
 from steptwin.features.stm32.chip.nvic import (
     EXIT_CYCLES,
@@ -21,6 +23,8 @@ from steptwin.features.stm32.chip.nvic import (
 _WFI, _WFE, _YIELD, _SEV = 0xBF30, 0xBF20, 0xBF10, 0xBF40
 _SVC_EXCEPTION, _BREAKPOINT_EXCEPTION, _EXIT_EXCEPTION = 2, 7, 8
 """unicorn's numbers of exceptions."""
+_WRITE_PROTECTED: Final = 22
+"""unicorn's number of a write to memory that can only be read."""
 _EDGES_LEFT: Final = 512
 """Places in the list of edges that a block may need."""
 
@@ -100,14 +104,17 @@ def on_exception(s: Cells, number: int) -> None:
 
 
 @integer
-def on_unmapped(s: Cells, address: int) -> None:
-    """Note an access to an address where there is nothing."""
+def on_unmapped(s: Cells, kind: int, address: int, size: int, value: int) -> bool:
+    """Note an access to an address where there is nothing; return True for a write that the flash takes."""
+    if kind == _WRITE_PROTECTED and program_flash(s, address, size, value):
+        return True
     s[c.FAULT], s[c.FAULT_AT], s[c.FAULT_PC] = c.FAULT_UNMAPPED, address, read_register(s, PC)
+    return False
 
 
 @integer
 def run(s: Cells, until: int) -> None:
-    """Let time pass until an instant in grains; end before it after a fault, for a debugger, or if edges must be taken.
+    """Let time pass until an instant in grains; end before it after a fault, for a debugger, for edges or frames.
 
     The last block may end after that instant.
     """
@@ -118,10 +125,10 @@ def run(s: Cells, until: int) -> None:
             act(s)
         s[c.AT] = s[c.NOW]
         full = s[c.EDGE_COUNT] > c.EDGE_CAPACITY - _EDGES_LEFT
-        if s[c.FAULT] or s[c.HALTED] or s[c.NOW] >= until or full:
+        if s[c.FAULT] or s[c.HALTED] or s[c.NOW] >= s[c.UNTIL] or full:
             return
         if s[c.SLEEPING] and not _wakes(s):
-            asleep = max(min(until, s[c.DUE]) - s[c.NOW], 0)
+            asleep = max(min(s[c.UNTIL], s[c.DUE]) - s[c.NOW], 0)
             s[c.NOW] += asleep
             s[c.SLEPT] += asleep
             if s[c.MASKED_AT] != c.NEVER:

@@ -35,6 +35,8 @@ def _run(capsys: pytest.CaptureFixture[str], *words: str, kernel: str = "python"
         ("compare_stepper_fault", 1, [0, 498], "DIR changed too late before CLK: step the wrong way"),
         ("systick_stepper", 0, [0, 0], ""),
         ("systick_stepper_fault", 1, [0, 0], "CLK high too short: step missed: 2000 times"),
+        ("dma_stepper", 0, [0, 0], ""),
+        ("dma_stepper_fault", 1, [0, 0], "CLK high too short: step missed"),
     ],
 )
 def test_an_example_does_what_it_says(
@@ -148,11 +150,14 @@ def test_a_loop_before_main_is_named_with_its_place(capsys: pytest.CaptureFixtur
 def test_the_images_are_those_of_their_sources(tmp_path: Path) -> None:
     built = tmp_path / "built"
     shutil.copytree(EXAMPLES, built, ignore=shutil.ignore_patterns("*.elf"))
-    subprocess.run(["make", "-s", "-C", str(built)], check=True, timeout=120, capture_output=True)
+    own = Path(__file__).parent
+    shutil.copy(own / "wiring.c", built)
+    subprocess.run(["make", "-s", "-C", str(built), "all", "wiring.elf"], check=True, timeout=120, capture_output=True)
 
     for path in sorted(built.glob("*.elf")):
+        folder = own if path.stem == "wiring" else EXAMPLES
         assert path.stat().st_size < 20_000
-        assert read_image(path).functions == read_image(EXAMPLES / path.name).functions, path.name
+        assert read_image(path).functions == read_image(folder / path.name).functions, path.name
 
 
 def test_a_board_runs_one_program_and_one_chip_drives_all_axes() -> None:

@@ -7,6 +7,7 @@ import pytest
 from steptwin.features.stm32.running import RunPlan, run_image
 from steptwin.features.stm32.script import duration_s, read_script
 from steptwin.host.common.errors import InputError
+from steptwin.protocol.frame import Frame
 from tests.features.stm32.examples import EXAMPLES, example_board, example_robot
 
 
@@ -19,13 +20,16 @@ def test_a_script_waits_sends_and_expects(tmp_path: Path, monkeypatch: pytest.Mo
     _, tools = example_board("compare_stepper")
     sent: list[bytes] = []
     monkeypatch.setattr(tools.chip, "give", lambda _usart, data: sent.append(data))
-    text = '# a comment\n\n  expect "ready\\n" 1ms  # "x"\n12ms send "G0 \\"#x\\"\\n"\nsend usart2 "\\u00b5"\n13.5ms\n'
+    sent_frames: list[Frame] = []
+    monkeypatch.setattr(tools, "send_frame", sent_frames.append)
+    text = 'can 201#0A0b\n# a comment\n\n  expect "ready\\n" 1ms  # "x"\n12ms send "G0 \\"#x\\"\\n"\nsend usart2 "\\u00b5"\n13.5ms\n'
     instants = []
     for line in read_script(_script(tmp_path, text)):
         line.play(tools)
         instants.append(tools.now_s)
     assert sent == [b'G0 "#x"\n', "\u00b5".encode()]
-    assert instants == pytest.approx([0.01, 0.012, 0.012, 0.0135], abs=1e-5)
+    assert sent_frames == [Frame(0x201, b"\x0a\x0b")]
+    assert instants == pytest.approx([0.01, 0.01, 0.012, 0.012, 0.0135], abs=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -38,6 +42,13 @@ def test_a_time_has_a_number_and_a_unit(text: str, time_s: float | None) -> None
 @pytest.mark.parametrize(
     ("text", "errors"),
     [
+        (
+            "can 123#0\ncan 800#00",
+            [
+                ": line 1: can 123#0: is not written as can 201#0102",
+                ": line 2: can 800#00: is not written as can 201#0102",
+            ],
+        ),
         ("# nothing\n", [': has no line with an action, such as expect "TEXT" 100ms']),
         ('sned "x"\n', [": line 1: action 'sned' is unknown: did you mean send?"]),
         (
@@ -47,7 +58,7 @@ def test_a_time_has_a_number_and_a_unit(text: str, time_s: float | None) -> None
                 ': line 2: expect "y" soon: is not written as expect "TEXT" 100ms',
             ],
         ),
-        ('\n20 send "x"\n', [": line 2: action '20' is unknown: there are send, expect"]),
+        ('\n20 send "x"\n', [": line 2: action '20' is unknown: there are send, can, expect"]),
         ('send usart4 "x"\n', [': line 1: send usart4 "x": is not written as send "TEXT\\n"']),
         ('send "\\q"\n', [': line 1: send "\\q": its text has a \\ before a character that needs none']),
     ],

@@ -24,9 +24,9 @@ KEYS = {
 @pytest.mark.parametrize(
     ("command", "without"),
     [
-        ("run", {"firmware", "image", "uart-port", "node", "motors"}),
+        ("run", {"firmware", "image", "uart-port", "flash", "node", "motors"}),
         ("serve", set()),
-        ("replay", {"faults", "motors", "firmware", "image", "uart-port", "node"}),
+        ("replay", {"faults", "motors", "firmware", "image", "uart-port", "flash", "node"}),
     ],
 )
 def test_help_lists_the_keys(command: str, without: set[str], capsys: pytest.CaptureFixture[str]) -> None:
