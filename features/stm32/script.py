@@ -32,8 +32,8 @@ _BYTES_MAX: Final = 1 << 20
 _UNITS_S: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 _TIME: Final = re.compile(r"([0-9]+(?:\.[0-9]+)?)(s|ms|us)(?=\s|$)")
 _TEXT: Final = r'(?:usart([1-3])\s+)?("(?:[^"\\]|\\.)*")'
-_WRITTEN: Final = re.compile(r'((?:[^"#]|"(?:[^"\\]|\\.)*")*)(?:#.*)?$')
-"""A line, and its comment."""
+_WRITTEN: Final = re.compile(r'((?:[^"#]|(?<=\S)#|"(?:[^"\\]|\\.)*")*)(?:#.*)?$')
+"""A line, and its comment behind a blank."""
 _WITHIN_S: Final = 1.0
 
 

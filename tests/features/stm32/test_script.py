@@ -22,7 +22,10 @@ def test_a_script_waits_sends_and_expects(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(tools.chip, "give", lambda _usart, data: sent.append(data))
     sent_frames: list[Frame] = []
     monkeypatch.setattr(tools, "send_frame", sent_frames.append)
-    text = 'can 201#0A0b\n# a comment\n\n  expect "ready\\n" 1ms  # "x"\n12ms send "G0 \\"#x\\"\\n"\nsend usart2 "\\u00b5"\n13.5ms\n'
+    text = (
+        'can 201#0A0b\n# a comment\n\n  expect "ready\\n" 1ms  # "x"\n'
+        '12ms send "G0 \\"#x\\"\\n"\nsend usart2 "\\u00b5"\n13.5ms\n'
+    )
     instants = []
     for line in read_script(_script(tmp_path, text)):
         line.play(tools)
