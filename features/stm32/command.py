@@ -71,7 +71,7 @@ class VcdOptions:
 
 @command(
     "firmware.elf --robot my-arm.toml --for 2s",
-    "firmware.elf --robot arm.toml --script moves.txt --vcd pins.vcd",
+    "fw.elf --robot arm.toml --script moves.txt --vcd pins.vcd",
 )
 def run_image(
     answer: AnswerOptions,
