@@ -207,20 +207,16 @@ def test_a_sender_reaches_usart1_at_a_port_and_at_a_terminal() -> None:
 
 
 def test_serve_takes_an_image() -> None:
-    process = subprocess.Popen(
-        [
-            *(sys.executable, "-m", "steptwin", "serve", "--robot-file", str(ROBOT), "--port", "0", "--uart-port", "0"),
-            *("--image", str(EXAMPLES / "compare_stepper.elf")),
-        ],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stdout is not None
+    words = [
+        *(sys.executable, "-m", "steptwin", "serve", "--robot-file", str(ROBOT), "--port", "0", "--uart-port", "0"),
+        *("--image", str(EXAMPLES / "compare_stepper.elf")),
+    ]
     lines = []
-    for line in process.stdout:
-        lines.append(line)
-        if line.startswith("Ctrl-C"):
-            break
-    process.terminate()
-    process.wait(_TIMEOUT_S)
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        for line in process.stdout:
+            lines.append(line)
+            if line.startswith("Ctrl-C"):
+                break
+        process.terminate()
     assert any(line.startswith("USART1 at tcp://127.0.0.1:") for line in lines)
