@@ -15,7 +15,7 @@ from rich.table import Table
 from steptwin.bench import bench_table
 from steptwin.features.stm32.chip.engine import Stm32Chip
 from steptwin.features.stm32.image import read_image
-from steptwin.features.stm32.running import run_image
+from steptwin.features.stm32.running import RunPlan, run_image
 from steptwin.host.robots import load_robot
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -46,9 +46,9 @@ def image_tables() -> Iterator[Table | str]:
         headings = "|".join(["image", *("numba" if compiled else "plain Python" for compiled in forms)])
         yield bench_table(f"Images: simulated over processor time of the chip, median of {_REPEATS}", headings, rows)
     example, robot = _EXAMPLES / "compare_stepper.elf", load_robot(str(_EXAMPLES / "two-axes.toml"))
-    run_image(example, robot, for_s=0.01)
+    run_image(example, robot, RunPlan(for_s=0.01))
     begun_s = time.process_time()
-    run = run_image(example, robot, for_s=10.0, until="done")
+    run = run_image(example, robot, RunPlan(for_s=10.0, until_text="done"))
     spent_s = time.process_time() - begun_s
     yield f"compare_stepper.elf to its end, with drivers and verdict: {run.simulated_s:.3g} s in {spent_s:.3g} s"
 

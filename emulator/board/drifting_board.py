@@ -43,10 +43,15 @@ class DriftingController(CanController):
         )
         self._clock = clock
 
-    def connect(self, submitted: Callable[[int], None], retuned: Callable[[], None]) -> None:
+    def connect(
+        self,
+        submitted: Callable[[int], None],
+        retuned: Callable[[], None],
+        on_wire: Callable[[CanController], Frame | None],
+    ) -> None:
         """Connect the bus, which receives instants in its own time."""
         clock = self._clock
-        super().connect(lambda _local_counts: submitted(clock.now_counts), retuned)
+        super().connect(lambda _local_counts: submitted(clock.now_counts), retuned, on_wire)
 
     def sent(self, frame: Frame, now_counts: int) -> None:
         """Remove a frame that was sent and acknowledged."""

@@ -90,7 +90,7 @@ class Bus:
         self._detuned: list[CanController] = []
         """Stations on the bus with another bit rate than the host."""
         self._on_bus = 0
-        """Number of stations on the bus with the host's bit rate."""
+        """Number of stations on the bus with the host's bit rate that acknowledge frames."""
         self._frame: Frame | None = None
         """Frame on the wire; None while the wire is idle."""
         self._decided_counts = 0
@@ -124,7 +124,10 @@ class Bus:
 
     def _connect(self, station: CanController) -> None:
         station.bitrate = station.bitrate or self.bitrate
-        station.connect(self._submitted, self._retuned)
+        station.connect(self._submitted, self._retuned, self._sent_by)
+
+    def _sent_by(self, station: CanController) -> Frame | None:
+        return self._frame if station in self._senders or station in self._outdone else None
 
     def _retuned(self) -> None:
         """Update the stations after one has left the bus, or has returned, perhaps with another bit rate."""
@@ -256,7 +259,8 @@ class Bus:
         if effect.disturbed:
             return _Outcome.DISTURBED
         for station in self._detuned:  # a sender's wrong bit rate is an error for all others
-            if station in senders or station in outdone or station.state is not ErrorState.PASSIVE:
+            sends_flag = station.state is not ErrorState.PASSIVE and not station.silent
+            if station in senders or station in outdone or sends_flag:
                 return _Outcome.DISTURBED  # or a receiver's error flag, which is dominant unless it is error passive
         if outdone and any(station.state is not ErrorState.PASSIVE for station in outdone):
             return _Outcome.DISTURBED
@@ -432,7 +436,9 @@ class Bus:
         self._detuned = [
             station for station in self._stations if station.on_bus and station.bitrate != self.host_bitrate
         ]
-        self._on_bus = len(self._stations) - len(self._off) - len(self._detuned)
+        self._on_bus = sum(
+            station.on_bus and not station.silent and station not in self._detuned for station in self._stations
+        )
 
 
 def _bits_in_order(frame: Frame) -> tuple[int, int, int, bytes]:

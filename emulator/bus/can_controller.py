@@ -171,6 +171,9 @@ class CanController:
         self.bitrate: int | None = None
         """Bit rate in bit/s; None for the nominal rate of the bus."""
         self._retuned: Callable[[], None] = lambda: None
+        self._on_wire: Callable[[CanController], Frame | None] = lambda _: None
+        self.silent: bool = False
+        """True for a station that only listens: it neither acknowledges frames nor sends error flags."""
         self.silent_until_counts = 0
         """Instant before which the station does not start a transmission."""
         self.recovery_sequences_left: int = 0
@@ -194,9 +197,20 @@ class CanController:
 
     # --- out
 
-    def connect(self, submitted: Callable[[int], None], retuned: Callable[[], None]) -> None:
-        """Connect the bus; `submitted` announces a frame to send, `retuned` a change of bit rate or presence."""
-        self.submitted, self._retuned = submitted, retuned
+    def connect(
+        self,
+        submitted: Callable[[int], None],
+        retuned: Callable[[], None],
+        on_wire: "Callable[[CanController], Frame | None]",
+    ) -> None:
+        """Connect the bus.
+
+        Args:
+            submitted: announces a frame to send.
+            retuned: announces a change of bit rate or presence.
+            on_wire: returns the frame that a station is sending; None if it sends none.
+        """
+        self.submitted, self._retuned, self._on_wire = submitted, retuned, on_wire
 
     @property
     def waiting(self) -> int:

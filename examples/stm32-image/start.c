@@ -8,6 +8,8 @@ void stop(void);
 __attribute__((weak)) void systick(void);
 __attribute__((weak)) void pend_sv(void);
 __attribute__((weak)) void tim2(void);
+__attribute__((weak)) void can_rx0(void);
+__attribute__((weak)) void dma1_channel3(void);
 
 void reset(void)
 {
@@ -31,6 +33,8 @@ void stop(void)
 void systick(void) { stop(); }
 void pend_sv(void) { stop(); }
 void tim2(void) { stop(); }
+void can_rx0(void) { stop(); }
+void dma1_channel3(void) { stop(); }
 
 typedef void (*vector)(void);
 
@@ -38,4 +42,6 @@ typedef void (*vector)(void);
 __attribute__((section(".vectors"), used)) static const struct {
     uint32_t *stack;
     vector vectors[15 + 29];
-} table = {&stack_top, {[0] = reset, [1 ... 12] = stop, [13] = pend_sv, [14] = systick, [15 ... 42] = stop, [43] = tim2}};
+} table = {&stack_top,
+           {[0] = reset, [1 ... 12] = stop, [13] = pend_sv, [14] = systick, [15 ... 27] = stop, [28] = dma1_channel3,
+            [29 ... 34] = stop, [35] = can_rx0, [36 ... 42] = stop, [43] = tim2}};

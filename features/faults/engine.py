@@ -93,8 +93,9 @@ class Engine:
         """Last EMCYs since power-up."""
         self._start: Moment | None = None
         """State of the machine at the motion's start."""
-        self.start_counts: int | None = None
-        """Instant of the motion's t = 0; None before its SYNC."""
+        own = all(board.runs_own for board in target.simulation.boards)
+        self.start_counts: int | None = None if own else 0
+        """Instant of the motion's t = 0; None before its SYNC. With another firmware it is power-up."""
         self.host = host
         """Condition of the host by faults."""
         self._sync_counts: int | None = None

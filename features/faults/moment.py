@@ -75,7 +75,7 @@ def _axis_moment(board: Board, axis: int, number: int, *, counted: bool) -> Axis
 
 
 def moment_of(machine: RobotBoards, uncounted: Collection[int] = ()) -> Moment:
-    """Return the present state of all axes.
+    """Return the present state of all axes; of boards with another firmware there is none to be read.
 
     Drivers of the axes in `uncounted` are not read: reading processes the pulses of the whole servo tick, and a reset
     within the tick must still be able to cancel them.
@@ -85,6 +85,7 @@ def moment_of(machine: RobotBoards, uncounted: Collection[int] = ()) -> Moment:
         tuple(
             _axis_moment(board, axis, machine.board_numbers[number], counted=number not in uncounted)
             for number, (board, axis) in enumerate(machine.axes)
+            if board.runs_own
         ),
         machine.simulation.bus.bitrate,
     )

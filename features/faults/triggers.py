@@ -281,6 +281,8 @@ class AtState(Trigger, FileTable):
 
     def watch(self, engine: "Engine") -> "StateWatch":
         board, axis = engine.target.axes[engine.target.robot.axis_index(self.joint)]
+        if not board.runs_own:
+            raise InputError(f"{self}: the state of a drive is known of StepTwin's firmware only")
         return StateWatch(self.state, lambda: board.firmware.nodes[axis].drive.state)
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.extras import installing
 
@@ -31,6 +32,7 @@ class FlashImage:
         segments: addresses in flash, and what stands there.
         vectors: address of the vector table.
         functions: addresses, ends and names of functions, sorted.
+        variables: addresses, ends and names of variables in RAM, sorted.
         lines: addresses, files and lines of the source, sorted.
     """
 
@@ -38,7 +40,27 @@ class FlashImage:
     segments: tuple[tuple[int, bytes], ...]
     vectors: int
     functions: tuple[tuple[int, int, str], ...] = ()
+    variables: tuple[tuple[int, int, str], ...] = ()
     lines: tuple[tuple[int, str, int], ...] = field(default=(), repr=False)
+
+    @property
+    def data_end(self) -> int:
+        """Where the variables below the main stack end, as far as they are known."""
+        stack = int.from_bytes(_content_at(self.segments, self.vectors, 4) or b"", "little")
+        return max((end + 3 & ~3 for _, end, _ in self.variables if end < stack), default=RAM_START)
+
+    def variable(self, name: str) -> tuple[int, int]:
+        """Return the address and the size of a variable.
+
+        Raises:
+            InputError: there is none of this name, or there are several.
+        """
+        found = [(begin, end - begin) for begin, end, each in self.variables if each == name]
+        if len(found) > 1:
+            raise InputError(f"{name}: {self.path} has {len(found)} variables of this name")
+        if not found:
+            raise unknown("variable", name, [each for _, _, each in self.variables])
+        return found[0]
 
     def address_of(self, name: str) -> int:
         """Return the address of a function; 0 if it is not known."""
@@ -108,12 +130,13 @@ def _read_elf(path: Path, offset: int) -> FlashImage:
                 if each["p_filesz"] and not RAM_START <= each["p_paddr"] < RAM_START + 1024 * RAM_KB_MAX
             )
             vectors = min((address for address, _ in segments), default=FLASH_START) if not offset else 0
-            functions = tuple(sorted(_functions(elf)))
+            functions = tuple(sorted(_symbols(elf, "STT_FUNC")))
+            variables = tuple(each for each in sorted(_symbols(elf, "STT_OBJECT")) if each[0] >= RAM_START)
             try:
                 lines = tuple(sorted(_lines(elf)))
             except (DWARFError, ELFError, KeyError, ValueError, AttributeError):
                 lines = ()  # a debugger's part that this reader does not understand
-            return FlashImage(path, segments, vectors or FLASH_START + offset, functions, lines)
+            return FlashImage(path, segments, vectors or FLASH_START + offset, functions, variables, lines)
     except ELFError as error:
         raise InputError(f"{path}: is a broken ELF: {error}") from error
 
@@ -142,12 +165,14 @@ _ARCHITECTURES: Final = (10, 11, 12)
 """v7, v6-M and v6S-M, whose instructions a Cortex-M3 has; 13, v7E-M, is that of the Cortex-M4."""
 
 
-def _functions(elf: "ELFFile") -> Iterator[tuple[int, int, str]]:
+def _symbols(elf: "ELFFile", kind: str) -> Iterator[tuple[int, int, str]]:
+    """Yield begin, end and name of functions or variables; a function has at least an instruction."""
     table: Any = elf.get_section_by_name(".symtab")
     for symbol in table.iter_symbols() if table is not None else ():
-        if symbol["st_info"]["type"] == "STT_FUNC":
-            begin = int(symbol["st_value"]) & ~1
-            yield begin, begin + max(int(symbol["st_size"]), 2), symbol.name
+        if symbol["st_info"]["type"] == kind:
+            is_code = kind == "STT_FUNC"
+            begin = int(symbol["st_value"]) & (~1 if is_code else ~0)
+            yield begin, begin + max(int(symbol["st_size"]), 2 if is_code else 0), symbol.name
 
 
 def _lines(elf: "ELFFile") -> Iterator[tuple[int, str, int]]:

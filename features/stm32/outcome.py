@@ -6,7 +6,7 @@ from typing import Any, Final
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.engine import Stm32Chip
 from steptwin.features.stm32.chip.registers import name_of
-from steptwin.features.stm32.image import FlashImage
+from steptwin.features.stm32.image import RAM_START, FlashImage
 
 _REGISTERS: Final = ("r0", "r1", "r2", "r3", "r12", "sp", "lr", "xpsr")
 
@@ -18,10 +18,22 @@ def fault_sentence(chip: Stm32Chip, image: FlashImage) -> str:
         return ""
     pc = chip.cells[c.FAULT_PC] or chip.cells[c.PC]
     if fault == c.FAULT_WATCHDOG:
-        return f"the watchdog IWDG resets the processor: it was not refreshed, {image.place(chip.cells[c.PC])}"
+        watchdog, why = ("WWDG", "refreshed too early or not") if at else ("IWDG", "not refreshed")
+        return f"the watchdog {watchdog} resets the processor: it was {why}, {image.place(chip.cells[c.PC])}"
     if fault == c.FAULT_RESET:
         return f"the firmware resets the processor (SYSRESETREQ), {image.place(chip.cells[c.PC])}"
-    why = {
+    if fault == c.FAULT_STACK:
+        why = f"stack overflow: the stack is at 0x{at:08X}, but what it may use begins at 0x{chip.stack_limit:08X}"
+    elif fault == c.FAULT_UNMAPPED and RAM_START - 0x1000 <= at < RAM_START and chip.register("sp") <= at + 0x100:
+        why = f"stack overflow: the stack has left the RAM, which begins at 0x{RAM_START:08X}, by 0x{at:08X}"
+    else:
+        why = _why(fault, at)
+    registers = " ".join(f"{name}=0x{chip.register(name):08X}" for name in _REGISTERS)
+    return f"HardFault at {image.place(pc)}: {why}; {registers}"
+
+
+def _why(fault: int, at: int) -> str:
+    return {
         c.FAULT_UNMAPPED: f"there is nothing at 0x{at:08X}, or it cannot be written",
         c.FAULT_UNDEFINED: "the instruction is undefined, or not for this state of the processor",
         c.FAULT_BREAKPOINT: "a breakpoint (BKPT) without a debugger",
@@ -29,8 +41,6 @@ def fault_sentence(chip: Stm32Chip, image: FlashImage) -> str:
         c.FAULT_RETURN: f"a return from a handler (0x{at:08X}) outside of any",
         c.FAULT_UNICORN: f"unicorn cannot execute the instruction (its error {at})",
     }[fault]
-    registers = " ".join(f"{name}=0x{chip.register(name):08X}" for name in _REGISTERS)
-    return f"HardFault at {image.place(pc)}: {why}; {registers}"
 
 
 _KINDS: Final = {

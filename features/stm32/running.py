@@ -1,7 +1,7 @@
 """Run an image on a robot's machine for a time, or until it says something, and judge what the drivers saw."""
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any, Final
@@ -10,27 +10,37 @@ import numpy as np
 
 from steptwin.controller.motion.backend import python_kernel
 from steptwin.emulator.board.board_firmware import FirmwareError
+from steptwin.emulator.simulation import Simulation
+from steptwin.features.stm32.can_script import CanScript, frame_texts
 from steptwin.features.stm32.firmware import ImageFirmware
+from steptwin.features.stm32.gdb_server import GdbServer
 from steptwin.features.stm32.options import Stm32Options
 from steptwin.features.stm32.outcome import StrangeAccess, strange_accesses
-from steptwin.features.stm32.section import OUTPUTS, Stm32
+from steptwin.features.stm32.part import ImagePart
+from steptwin.features.stm32.pin_log import EDGES_MAX, PinLog
+from steptwin.features.stm32.profile import ImageProfile, profile_of
+from steptwin.features.stm32.script import ScriptLine
+from steptwin.features.stm32.section import OUTPUTS, ChipPin, JointPins, wiring_of
+from steptwin.features.stm32.tools import STEP_S, ExpectationError, ImageTools
+from steptwin.host.cli.output import number_of
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
+from steptwin.host.record.bus_log import read_frames
+from steptwin.host.record.waveforms import Format, HeldValues, Signal, SignalKind, Window, write_waveform
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.emulated_machine import EmulatedMachine, MachineParts
 from steptwin.host.twin.machine.evidence import axes_evidence
-from steptwin.host.twin.machine.machine_options import MachineOptions
+from steptwin.host.twin.machine.machine_options import AS_FILED, MachineOptions
 from steptwin.host.verify import AxisEvidence, Evidence
 from steptwin.host.verify.figures import clk_high_us_min, clk_low_us_min, peak_rate_hz, reversals
 from steptwin.host.verify.report import ViolationReport, violation_reports
-from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND, COUNTS_PER_US
+from steptwin.protocol.frame import Frame
+from steptwin.protocol.timer import COUNTS_PER_SECOND, COUNTS_PER_US
 
 COST_PERCENT: Final = 25
 """By how much the time of a stretch of instructions may be wrong: docs/firmware.md says how this is known."""
 _NEIGHBOURS: Final = 5
 _SMOOTH: Final = 1.5
-_TEXT_MS: Final = 1
-"""How often it is looked whether a text has been sent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,8 +118,12 @@ class ImageRun:
         axes: what the drivers made of their pins.
         violations: limits of the drivers that were broken.
         strange: accesses whose effect is not modelled.
-        interrupts: by number of the exception, how often it was taken and the longest time until its handler in us.
+        interrupts: by number of the exception, how often it was taken, the longest time until its handler in us, and
+            the events that came before the last one was served.
+        profile: where the time went, and the stack.
         sent: what each USART has sent, by its name.
+        frames: frames on the CAN bus, each with the instant when it became valid.
+        happened: what features tell of the machine, such as what has become of each fault.
         reasons: one line for each reason why the run fails.
         hints: what a user should know although it fails nothing.
     """
@@ -122,8 +136,11 @@ class ImageRun:
     axes: tuple[AxisVerdict, ...]
     violations: tuple[ViolationReport, ...]
     strange: tuple[StrangeAccess, ...]
-    interrupts: dict[int, tuple[int, float]]
+    interrupts: dict[int, tuple[int, float, int]]
+    profile: ImageProfile
     sent: dict[str, str]
+    frames: tuple[tuple[int, Frame], ...]
+    happened: Mapping[str, Any]
     reasons: tuple[str, ...]
     hints: tuple[str, ...]
 
@@ -148,75 +165,98 @@ class ImageRun:
             "violations": [asdict(each) for each in self.violations],
             "not_modelled": [each.to_dict() for each in self.strange],
             "interrupts": [
-                {"exception": number, "taken": taken, "latest_us": latest}
-                for number, (taken, latest) in self.interrupts.items()
+                {"exception": number, "taken": taken, "latest_us": latest, "missed": missed}
+                for number, (taken, latest, missed) in self.interrupts.items()
             ],
+            "profile": self.profile.to_dict(),
             "sent": self.sent,
+            "can": frame_texts(self.frames),
+            **self.happened,
         }
 
 
-def run_image(
-    path: Path,
-    robot: Robot,
-    *,
-    for_s: float,
-    until: str | None = None,
-    strict: bool = False,
-    given: str = "",
-    compiled: bool | None = None,
-) -> ImageRun:
-    """Run an image on a robot's machine.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunPlan:
+    """How long an image runs, what happens meanwhile, and what is looked at.
 
-    Args:
-        path: the file that is flashed.
-        robot: a robot with a table `[stm32]`.
-        for_s: how long, in the board's time.
-        until: a text that ends the run when a USART has sent it; the run fails if none has.
-        strict: an access that is not modelled fails the run.
-        given: text that arrives at USART1 from the beginning on.
+    Attributes:
+        for_s: longest time, in the board's time.
+        until_text: a text that ends the run when a USART has sent it; the run fails if none has.
+        script: what is sent and expected; the run ends with it, and fails if the image does not answer.
+        machine: how the machine differs from the robot's file, and what goes wrong with it meanwhile.
+        strict: an access that is not modelled, and an event that was missed, fails the run.
+        vcd: file for the waveform of pins; None: none.
+        pins: these pins, by number; empty: those that are wired.
+        can_script: frames that the host sends, with their instants, in the format of `candump -L`.
+        flash: file that keeps what the image programs into its flash.
         compiled: True for the chip compiled by numba, False for plain Python, None for numba where it is installed.
+        debugger: its server; the run begins when it has let it.
+    """
+
+    for_s: float
+    until_text: str | None = None
+    script: Sequence[ScriptLine] = ()
+    machine: MachineOptions = AS_FILED
+    strict: bool = False
+    vcd: Path | None = None
+    pins: Sequence[ChipPin] = ()
+    can_script: Path | None = None
+    flash: Path | None = None
+    compiled: bool | None = None
+    debugger: GdbServer | None = None
+
+
+class _TimeIsUpError(Exception):
+    """The longest time of a run is over."""
+
+
+def run_image(path: Path, robot: Robot, plan: RunPlan) -> ImageRun:
+    """Run an image on a robot's machine, whose joints have pins.
 
     Raises:
         InputError: the image cannot run on this chip, or has not reached its `main`, or the robot has no chip.
     """
     begun_s = perf_counter()
-    options = Stm32Options(image=path).fitted(robot, Path(), compiled=compiled)
-    parts = MachineParts.of(robot, python_kernel(), MachineOptions(extras=(options,)))
+    image = Stm32Options(image=path, flash=plan.flash).fitted(robot, Path(), compiled=plan.compiled)
+    others = [each for each in plan.machine.extras if not isinstance(each, Stm32Options)]
+    options = replace(plan.machine, extras=(image, *others))
+    parts = MachineParts.of(robot, python_kernel(), options)
     simulation = (machine := EmulatedMachine(parts)).simulation
-    firmware = simulation.boards[0].running
-    assert isinstance(firmware, ImageFirmware)
-    assert firmware.chip is not None
-    chip = firmware.chip
-    if given:
-        chip.give(0, given.encode())
-    reasons, found_s, end_counts = [], None, round(for_s * COUNTS_PER_SECOND)
-    try:
-        while simulation.now_counts < end_counts and found_s is None:
-            step_counts = end_counts if until is None else simulation.now_counts + _TEXT_MS * COUNTS_PER_MS
-            simulation.run_until(min(step_counts, end_counts))
-            if until is not None and any(until in _text(chip.sent(usart)) for usart in range(3)):
-                found_s = simulation.now_s
-    except FirmwareError as error:
-        reasons.append(str(error))
+    part = machine.parts.features["stm32"]
+    assert isinstance(part, ImagePart)
+    if plan.can_script is not None:
+        simulation.join(CanScript(simulation, read_frames(plan.can_script)))
+    tools, reasons, found_s = _run(simulation, part, plan)
+    firmware, chip = tools.firmware, tools.chip
     if not reasons and chip.main_ahead:
         raise InputError(
-            f"{path}: has not reached main after {for_s:g} s: the processor is at {firmware.image.place(chip.pc)}"
+            f"{path}: has not reached main after {plan.for_s:g} s: the processor is at {firmware.image.place(chip.pc)}"
         )
-    if until is not None and found_s is None:
-        reasons.append(f"no USART has sent {until!r} within {for_s:g} s")
+    if plan.until_text is not None and found_s is None:
+        reasons.append(f"no USART has sent {plan.until_text!r} within {plan.for_s:g} s")
     axes = axes_evidence(machine, currents=False)
     violations = violation_reports(Evidence(0, axes))
+    if error := firmware.can.error(machine.bus.bitrate):
+        reasons.append(error)
     strange = strange_accesses(chip, firmware.image)
-    table = robot.sections["stm32"]
-    assert isinstance(table, Stm32)
-    reasons += _never_outputs(firmware, table, robot.axis_names)
+    reasons += _wrong_outputs(firmware, wiring_of(robot))
     reasons += [
-        f"{each.axis}: {each.broken}: {each.count} times, first at {each.first_s:.6f} s:"
+        f"{each.axis}: {each.broken}: {number_of(each.count, 'time')}, first at {each.first_s:.6f} s:"
         f" {each.worst:.3g} {each.unit}, limit {each.limit:.3g} {each.unit} ({each.source})"
         for each in violations
     ]
-    told = [f"not modelled: {each.kind} {each.name}, {each.times} times, first at {each.first}" for each in strange]
-    reasons += told if strict else []
+    hints = [
+        f"not modelled: {each.kind} {each.name}, {number_of(each.times, 'time')}, first at {each.first}"
+        for each in strange
+    ]
+    hints += [
+        f"{exception_name(number)}: {number_of(missed, 'event')} came before the last one was served,"
+        " or were set too late"
+        for number, (_, _, missed) in chip.interrupts.items()
+        if missed
+    ]
+    if plan.vcd is not None:
+        _write_vcd(plan.vcd, tools, plan.pins, simulation.now_counts, f"{path.name} on {robot.name}")
     run = ImageRun(
         image=path,
         robot=robot.name,
@@ -227,23 +267,89 @@ def run_image(
         violations=violations,
         strange=tuple(strange),
         interrupts=chip.interrupts,
-        sent={f"USART{i + 1}": text for i in range(3) if (text := _text(chip.sent(i)))},
-        reasons=tuple(reasons),
-        hints=() if strict else tuple(told),
+        profile=profile_of(chip, firmware.image),
+        frames=tuple(machine.bus_log),
+        sent={f"USART{number}": usart.text for number, usart in enumerate(tools.usarts, start=1) if usart.text},
+        happened=machine.parts_document(),
+        reasons=tuple(reasons + (hints if plan.strict else [])),
+        hints=() if plan.strict else tuple(hints),
     )
     firmware.end()
     return run
 
 
-def _never_outputs(firmware: ImageFirmware, table: Stm32, names: Sequence[str]) -> list[str]:
+def _run(simulation: Simulation, part: ImagePart, plan: RunPlan) -> tuple[ImageTools, list[str], float | None]:
+    """Let the image run; return its tools, why it failed so far, and when the text came that was waited for."""
+    end_counts = round(plan.for_s * COUNTS_PER_SECOND)
+
+    def wait(dt_s: float) -> None:
+        until_counts = simulation.now_counts + max(round(dt_s * COUNTS_PER_SECOND), 1)
+        simulation.run_until(min(until_counts, end_counts))
+        if until_counts > end_counts:
+            raise _TimeIsUpError
+
+    tools = part.tools(wait)
+    tools.firmware.edges = PinLog(None if plan.vcd else EDGES_MAX)
+    reasons, found_s = list[str](), None
+    look_counts = end_counts if plan.until_text is None else round(STEP_S * COUNTS_PER_SECOND)
+    try:
+        if plan.debugger is not None:
+            plan.debugger.start(tools.chip)
+            tools.firmware.debugger = plan.debugger
+        for line in plan.script:
+            reasons += _played(line, tools, plan.for_s)
+            if reasons:
+                break
+        while not plan.script and simulation.now_counts < end_counts and found_s is None:
+            simulation.run_until(min(simulation.now_counts + look_counts, end_counts))
+            if plan.until_text is not None and any(plan.until_text in usart.text for usart in tools.usarts):
+                found_s = simulation.now_s
+    except FirmwareError as error:
+        reasons.append(str(error))
+    finally:
+        if plan.debugger is not None:
+            plan.debugger.close()
+    return tools, reasons, found_s
+
+
+def _played(line: ScriptLine, tools: ImageTools, for_s: float) -> list[str]:
+    """Play a line of a script; return why the run fails by it, if it does."""
+    try:
+        line.play(tools)
+    except ExpectationError as error:
+        return [f"{line.place}: {error}"]
+    except _TimeIsUpError:
+        return [f"{line.place}: its time is beyond the {for_s:g} s of the run: --for sets them"]
+    return []
+
+
+def _write_vcd(path: Path, tools: ImageTools, pins: Sequence[ChipPin], end_counts: int, title: str) -> None:
+    signals = []
+    for pin in pins or [ChipPin(number) for number in sorted(tools.firmware.wired_pins)]:
+        counts, levels = tools.firmware.edges.of(pin.number)
+        initial = 1 - int(levels[0]) if levels.size else tools.chip.level(pin.number)
+        signals.append(Signal("chip", pin.name, SignalKind.WIRE, HeldValues(counts, levels, initial)))
+    write_waveform(path, signals, Window(0, end_counts, 0), Format.VCD, title)
+
+
+SYSTEM_EXCEPTIONS: Final = {11: "SVC", 14: "PendSV", 15: "SysTick"}
+
+
+def exception_name(number: int) -> str:
+    """Return the name of an exception, such as SysTick, or interrupt 28."""
+    return f"interrupt {number - 16}" if number >= 16 else SYSTEM_EXCEPTIONS.get(number, f"exception {number}")
+
+
+def _wrong_outputs(firmware: ImageFirmware, wiring: Mapping[str, JointPins]) -> list[str]:
+    """Return the wired pins that the image has not made outputs, or not for good."""
     assert firmware.chip is not None
-    return [
-        f"{name}: {pin.name}, its {key.upper()}, was never an output"
-        for name in names
-        for key in OUTPUTS
-        if (pin := table.joints[name].pin(key)) is not None and not firmware.chip.was_output(pin.number)
-    ]
-
-
-def _text(sent: bytes) -> str:
-    return sent.decode("utf-8", errors="replace")
+    found = []
+    for name, pins in wiring.items():
+        for key in OUTPUTS:
+            if (pin := pins.pin(key)) is None:
+                continue
+            if not firmware.chip.was_output(pin.number):
+                found.append(f"{name}: {pin.name}, its {key.upper()}, was never an output")
+            elif firmware.chip.left_output(pin.number):
+                found.append(f"{name}: {pin.name}, its {key.upper()}, became an input after it had been an output")
+    return found

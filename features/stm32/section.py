@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Final
 
-from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_models import FileTable
 from steptwin.host.common.file_values import Within, check_limits
@@ -46,9 +46,15 @@ class ChipPin:
         return f"P{'ABCDE'[self.number // 16]}{self.number % 16}"
 
 
+def analog_channel(pin: ChipPin) -> int | None:
+    """Return the ADC's channel of a pin; None if it has none (RM0008, 11.3.3; the datasheet's table 5)."""
+    channels = {**{i: i for i in range(8)}, 16: 8, 17: 9, **{32 + i: 10 + i for i in range(6)}}
+    return channels.get(pin.number)
+
+
 @dataclass(frozen=True, slots=True)
 class JointPins(FileTable):
-    """The pins of one joint's driver and switches, such as PA0, or !PA0 for an inverted one.
+    """Pins of an STM32F103 at one joint's driver and switches, such as PA0, or !PA0 for an inverted one.
 
     Attributes:
         step: of STEP.
@@ -86,49 +92,77 @@ class JointPins(FileTable):
 
 @dataclass(frozen=True, slots=True)
 class Stm32(FileTable):
-    """The STM32F103 that drives the robot, for `steptwin run-image`.
+    """The STM32F103 that drives the robot, for `steptwin run-image`; its pins stand in the joints' tables.
 
     Attributes:
-        joints: the pins of each joint, by its name.
         flash_kb: size of the flash: 64 for an STM32F103C8, whose other half mostly works as well.
         ram_kb: size of the RAM.
         crystal_hz: frequency of the crystal.
         offset: where the program begins in the flash, behind a bootloader that is not there; for an ELF 0 means
             where its first section is.
+        supply: pin of the ADC that measures the supply voltage by a divider; empty: none does.
+        supply_divider: supply voltage over the voltage at that pin.
     """
 
-    joints: Mapping[str, JointPins]
     flash_kb: Annotated[int, Within(16, 512, unit="KB")] = 128
     ram_kb: Annotated[int, Within(4, 64, unit="KB")] = 20
     crystal_hz: Annotated[int, Within(4_000_000, 16_000_000, unit="Hz")] = 8_000_000
     offset: Annotated[int, Within(0, 512 * 1024)] = 0
+    supply: str = ""
+    supply_divider: Annotated[float, Within(1, 100)] = 11.0
 
     def __post_init__(self) -> None:
         check_limits(self)
-        findings, used = Findings(), dict[int, str]()
-        for place, pin in self._pins():
-            if (other := used.setdefault(pin.number, place)) != place:
-                findings.add(f"joints.{place}: {pin.name} is that of {other} already")
-        findings.raise_first()
-
-    def _pins(self) -> Iterator[tuple[str, ChipPin]]:
-        """Yield the pins that one wire each may use; an emergency stop may be read for all joints by one."""
-        for name, joint in self.joints.items():
-            for key in (*OUTPUTS, *INPUTS):
-                if key not in ("enable", "estop") and (pin := joint.pin(key)) is not None:
-                    yield f"{name}.{key}", pin
-        for key in ("enable", "estop"):
-            pins = {pin.number: pin for joint in self.joints.values() if (pin := joint.pin(key)) is not None}
-            for pin in pins.values():
-                yield f"NAME.{key}", pin
+        with prefixed("supply: "):
+            if self.supply and analog_channel(ChipPin.of(self.supply)) is None:
+                raise InputError(f"{self.supply}: is no input of the ADC: PA0 to PA7, PB0, PB1 or PC0 to PC5")
 
     def check(self, robot: Robot) -> None:
-        """Raise InputError unless each joint has its pins, and no other."""
-        findings = Findings()
-        for name in self.joints:
-            if name not in robot.axis_names:
-                findings.add(str(unknown("stm32.joints: joint", name, robot.axis_names)))
-        for name in robot.axis_names:
-            if name not in self.joints:
-                findings.add(f'stm32.joints.{name}: is missing: its pins, such as step = "PA0", dir = "PA1"')
-        findings.raise_first()
+        """Raise InputError unless each axis has its pins, and no two wires are at one pin."""
+        wiring_of(robot)
+
+
+TABLE, SECOND_TABLE = "pins", "second_pins"
+"""Tables of a joint: the pins of its driver and switches, and those of its second motor's."""
+
+
+def wiring_of(robot: Robot) -> dict[str, JointPins]:
+    """Return the pins of each axis, by its name.
+
+    Raises:
+        InputError: an axis has no pins, or two wires are at one pin; its messages are all of these.
+    """
+    findings, wiring, used = Findings(), dict[str, JointPins](), dict[int, str]()
+    for joint in robot.joints:
+        names = {TABLE: joint.name}
+        if joint.second_motor is not None:
+            names[SECOND_TABLE] = joint.second_motor.name
+        elif SECOND_TABLE in joint.tables:
+            findings.add(f"joints.{joint.name}.{SECOND_TABLE}: the joint has no second motor")
+        for key, axis in names.items():
+            if key in joint.tables:
+                wiring[axis] = joint.tables[key]
+            else:
+                findings.add(
+                    f'joints.{joint.name}.{key}: is missing: the STM32F103\'s pins, such as step = "PA0", dir = "PA1"'
+                )
+    for place, pin in _wires(wiring):
+        if (other := used.setdefault(pin.number, place)) != place:
+            findings.add(f"{place}: {pin.name} is that of {other} already")
+    findings.raise_first()
+    return wiring
+
+
+def _wires(wiring: Mapping[str, JointPins]) -> Iterator[tuple[str, ChipPin]]:
+    """Yield the pins that one wire each may use; an enable or an emergency stop may be that of several axes."""
+    for axis, pins in wiring.items():
+        for key in (*OUTPUTS, *INPUTS):
+            if key not in _SHARED and (pin := pins.pin(key)) is not None:
+                yield f"{axis}'s {key}", pin
+    for key in _SHARED:
+        shared = {pin.number: pin for pins in wiring.values() if (pin := pins.pin(key)) is not None}
+        for pin in shared.values():
+            yield f"the axes' {key}", pin
+
+
+_SHARED: Final = ("enable", "estop")

@@ -55,8 +55,8 @@ class MachinePart:
     """A feature's part of one emulated machine, from power-up on; it overrides what concerns it.
 
     `EmulatedMachine` calls `join` and `switched_on`; `EmbeddedBoard`, which is in virtual time, and its runs `network`,
-    `outlive` and `verdict`; `LiveBoard`, which is in real time, `check_live` and `end_round`. The feature's judge is
-    given `evidence`, in a live report `seen`; reports without a judgement have `document` and `in_words`.
+    `outlive` and `verdict`; `LiveBoard`, which is in real time, `check_live`, `end_round` and `close`. The feature's
+    judge is given `evidence`, in a live report `seen`; reports without a judgement have `document` and `in_words`.
     """
 
     def join(self, simulation: "Simulation") -> "Participant | None":
@@ -88,6 +88,9 @@ class MachinePart:
 
     def end_round(self) -> None:
         """Drop old data, so a board that is served for months needs bounded memory."""
+
+    def close(self) -> None:
+        """Release sockets and the like at the end of a board in real time."""
 
     def described(self) -> Sequence[str]:
         """Return one line for each further device in the machine of a served board."""
@@ -283,6 +286,8 @@ class Feature:
         needs: the features that it imports.
         section: returns the model of its table of a robot file: a `FileTable` that is a `RobotSection`.
         robots: the folder of the robot files that it brings.
+        joint_tables: returns the models of its tables of a joint in robot files, `FileTable`s, by name; what is read
+            stands in `Joint.tables`.
         robot_tables: returns tables that belong to the file of a robot that StepTwin brings, by the robot's name.
         timer: returns what times motions as a whole: those with `law = "fastest"` or `blend_mm`.
         program_steps: returns the models of its steps of program files, `StepTable`s, by their verbs.
@@ -331,6 +336,7 @@ class Feature:
     needs: Sequence[str] = ()
     section: Callable[[], type[Any]] | None = None
     robots: Path | None = None
+    joint_tables: Callable[[], Mapping[str, type[Any]]] | None = None
     robot_tables: Callable[[str], str] | None = None
     timer: "Callable[[], MotionTimer] | None" = None
     program_steps: "Callable[[], Mapping[str, Any]] | None" = None

@@ -1,11 +1,11 @@
 """A joint of a robot, which one axis of the board drives through a transmission."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, astuple, dataclass, field, replace
 from enum import StrEnum
 from functools import cache, partial
 from math import floor
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 from steptwin.host.common.bad_input import at_least, at_most, prefixed, require_positive
 from steptwin.host.common.errors import InputError
@@ -125,6 +125,8 @@ class Joint:
     """Phase current of the joint's own driver at full torque; None: that of the board's settings."""
     jerk_max: float | None = None
     """Highest jerk of fastest motions, in unit/s^3; None: the file does not limit it."""
+    tables: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    """Tables of features, by name."""
 
     def __post_init__(self) -> None:
         check_all(

@@ -159,6 +159,11 @@ class JointTable(FileTable):
     link: JointLink | None = None
 
     @classmethod
+    def strange(cls, key: str, value: object, keys: Collection[str]) -> str:
+        """Return what to say of an unknown key: a table may be that of a feature."""
+        return _strange_table(key, value, keys) or super(JointTable, cls).strange(key, value, keys)
+
+    @classmethod
     def missing(cls, key: str, reading: FileReading) -> str:
         """Return what to say of a missing key; nothing for a joint of which `check_names` says that it is missing."""
         is_meant = not _headless(reading.table) and (reading.table or reading.name in reading.known.joints)
@@ -184,6 +189,9 @@ class JointTable(FileTable):
             elif of_unit is unit and key in turns:
                 motor[key] = turns[key]
         motor |= {Unit.MM: {"ratio": 1.0}, Unit.DEG: {"travel_per_turn": 360.0}, None: {}}[unit]
+        of_features = cls.__dataclass_fields__.keys() - JointTable.__dataclass_fields__.keys()
+        tables = {name: values.pop(name) for name in [*values] if name in of_features}
+        values["tables"] = {name: table for name, table in tables.items() if table is not None}
         given = {"name": reading.name, **values, **({"unit": unit} if unit else {})}
         return judged(Joint, {**given, "transmission": judged(Transmission, motor, reading.findings)}, reading.findings)
 
@@ -193,9 +201,21 @@ _TURN: Final = {Unit.MM: "travel_per_turn", Unit.DEG: "ratio"}
 _TABLES_OF_A_JOINT: Final = frozenset({"switches", "homing", "second_motor", "motor", "link"})
 
 
+def _tables_of_joints() -> dict[str, Any]:
+    """Return the models of features' tables of a joint, by name."""
+    return {name: model for _, tables in giving("joint_tables") for name, model in tables().items()}
+
+
+def _strange_table(key: str, value: object, keys: Collection[str]) -> str:
+    """Return what to say of an unknown table of a feature that is not there; nothing for a slip of the pen."""
+    if isinstance(value, dict) and not nearest(key, keys):
+        return f"{shortened(key)}: no feature that is installed has a table of this name"
+    return ""
+
+
 def _headless(joint: object) -> bool:
     """Return whether there are only tables of a joint, such as [joints.d3.homing], but nothing in [joints.d3]."""
-    return isinstance(joint, dict) and bool(joint) and joint.keys() <= _TABLES_OF_A_JOINT
+    return isinstance(joint, dict) and bool(joint) and joint.keys() <= _TABLES_OF_A_JOINT | _tables_of_joints().keys()
 
 
 def _probable_unit(table: Mapping[str, Any], expected: Unit | None) -> Unit | None:
@@ -248,9 +268,7 @@ class RobotFile(FileTable):
     @classmethod
     def strange(cls, key: str, value: object, keys: Collection[str]) -> str:
         """Return what to say of an unknown key: a table may be that of a feature, unless it is a slip of the pen."""
-        if isinstance(value, dict) and not nearest(key, keys):
-            return f"{shortened(key)}: no feature that is installed has a table of this name"
-        return super(RobotFile, cls).strange(key, value, keys)
+        return _strange_table(key, value, keys) or super(RobotFile, cls).strange(key, value, keys)
 
     @classmethod
     def made_of(cls, values: dict[str, Any], reading: FileReading) -> Robot:
@@ -281,15 +299,26 @@ class RobotFile(FileTable):
 
 def robot_model() -> type[Any]:
     """Return the model of robot files, with the tables of the features that are installed."""
-    return _with_sections(tuple((feature.name, section) for feature, section in giving("section")))
+    return _with_tables(
+        tuple((feature.name, section) for feature, section in giving("section")), tuple(_tables_of_joints().items())
+    )
 
 
 @cache
-def _with_sections(sections: tuple[tuple[str, Callable[[], type[Any]]], ...]) -> type[Any]:
-    own = [
+def _with_tables(
+    sections: tuple[tuple[str, Callable[[], type[Any]]], ...], of_joints: tuple[tuple[str, type[Any]], ...]
+) -> type[Any]:
+    own: list[Any] = [
         (name, Annotated[Any, ReadBy(partial(_read_section, model), partial(_section_schema, model))], None)
         for name, model in sections
     ]
+    if of_joints:
+        tables: list[Any] = [(name, Annotated[Any, model] | None, None) for name, model in of_joints]
+        documented = {"__doc__": JointTable.__doc__}
+        joint: Any = make_dataclass("JointTable", tables, bases=(JointTable,), frozen=True, namespace=documented)
+        mapping: Any = Mapping  # mypy does not accept a computed type
+        annotated: Any = Annotated
+        own.append(("joints", mapping[_Name, annotated[Joint, joint]]))
     return make_dataclass("RobotFile", own, bases=(RobotFile,), frozen=True, namespace={"__doc__": RobotFile.__doc__})
 
 

@@ -46,8 +46,8 @@ def violation_reports(evidence: Evidence) -> tuple[ViolationReport, ...]:
 
 def _of_axis(axis: AxisEvidence, start_counts: int) -> Iterator[ViolationReport]:
     violations = axis.violations
-    for index, limit in enumerate(violations.limits):
-        chosen = violations.which == index
+    for limit in dict.fromkeys(violations.limits):  # a driver may have one limit for both edges of a signal
+        chosen = np.isin(violations.which, [i for i, each in enumerate(violations.limits) if each == limit])
         if not chosen.any():
             continue
         values = violations.values[chosen]

@@ -1,41 +1,35 @@
-"""Accesses to the peripherals and the system space, at the instant of their instruction."""
+"""Accesses to the peripherals and the system space, at the instant `AT`."""
 
 from typing import Final
 
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip import gpio, registers
+from steptwin.features.stm32.chip.adc import CR2 as CR2_OF_ADC
+from steptwin.features.stm32.chip.adc import read_adc, write_adc
 from steptwin.features.stm32.chip.bookkeeping import note_strange
+from steptwin.features.stm32.chip.can import read_can, write_can
 from steptwin.features.stm32.chip.cells import Cells, integer
 from steptwin.features.stm32.chip.clocks import write_rcc
-from steptwin.features.stm32.chip.cost import forget_costs, part_cycles
-from steptwin.features.stm32.chip.devices import act, next_due
-from steptwin.features.stm32.chip.libunicorn import read_memory, read_register, write_memory
-from steptwin.features.stm32.chip.nvic import PC
+from steptwin.features.stm32.chip.dma import write_dma
+from steptwin.features.stm32.chip.events import next_due
+from steptwin.features.stm32.chip.flash import write_flash
+from steptwin.features.stm32.chip.i2c import read_i2c, write_i2c
+from steptwin.features.stm32.chip.libunicorn import read_memory, write_memory
+from steptwin.features.stm32.chip.rtc import backup_is_open, read_rtc, write_rtc
+from steptwin.features.stm32.chip.spi import read_spi, write_spi
 from steptwin.features.stm32.chip.system import read_system, write_system
-from steptwin.features.stm32.chip.timers import read_timer, write_timer
+from steptwin.features.stm32.chip.timer_inputs import route_inputs
+from steptwin.features.stm32.chip.timers import CCER, CCMR1, CCMR2, CR2, SMCR, read_timer, write_timer
 from steptwin.features.stm32.chip.usarts import listen, read_usart, write_usart
+from steptwin.features.stm32.chip.watchdogs import read_wwdg, write_iwdg, write_wwdg
 
 RCC, GPIO, AFIO, EXTI, TIMER = registers.RCC, registers.GPIO, registers.AFIO, registers.EXTI, registers.TIMER
-USART, IWDG, FLASH = registers.USART, registers.IWDG, registers.FLASH
+USART, IWDG, FLASH, CAN, DMA = registers.USART, registers.IWDG, registers.FLASH, registers.CAN, registers.DMA
+ADC, WWDG, RTC, BKP = registers.ADC, registers.WWDG, registers.RTC, registers.BKP
+SPI, I2C = registers.SPI, registers.I2C
 RAM, RAM_BITS, PERIPHERAL_BITS = 0x20000000, 0x22000000, 0x42000000
 """The RAM, and the aliases of single bits of RAM and peripherals (PM0056, 2.2.5)."""
 _SPACE: Final = 0xE0000000
-_FLASH_ACR: Final = (0x40022000 - c.PERIPHERALS) // 4
-_IWDG_KR: Final = (0x40003000 - c.PERIPHERALS) // 4
-_LSI_HZ: Final = 40_000
-"""RM0008, 7.2.5: 30 to 60 kHz."""
-_GRAINS_PER_SECOND: Final = 72_000_000 * c.GRAINS
-
-
-@integer
-def arrive(s: Cells) -> None:
-    """Let the time be that of the instruction that accesses a register, and let devices act that were due before."""
-    at = s[c.NOW]
-    if s[c.BLOCK_SIZE]:
-        at += part_cycles(s, s[c.BLOCK], read_register(s, PC)) * s[c.CYCLE]
-    while s[c.DUE] <= at:
-        act(s)
-    s[c.AT] = at
 
 
 @integer
@@ -68,6 +62,18 @@ def _read_word(s: Cells, address: int) -> int:
         return read_timer(s, number, word % 256)
     if kind == USART:
         return read_usart(s, number, word % 256)
+    if kind == CAN:
+        return read_can(s, word % 256)
+    if kind == ADC:
+        return read_adc(s, word % 256)
+    if kind == WWDG:
+        return read_wwdg(s, word % 256)
+    if kind == RTC:
+        return read_rtc(s, word % 256)
+    if kind == SPI:
+        return read_spi(s, number, word % 256)
+    if kind == I2C:
+        return read_i2c(s, number, word % 256)
     return s[c.VALUE + word]
 
 
@@ -113,29 +119,58 @@ def _write_word(s: Cells, address: int, value: int) -> None:
     s[c.VALUE + word] = before & ~writable | value & writable
     if value & writable & ~s[c.MODELLED + word]:
         note_strange(s, address, c.STRANGE_BITS)
-    kind, number = device // 16, device % 16
+    if device // 16 in (RCC, GPIO, AFIO, EXTI, TIMER, USART):
+        _write_usual(s, word, value, before)
+    else:
+        _write_other(s, word, value, before)
+
+
+@integer
+def _write_usual(s: Cells, word: int, value: int, before: int) -> None:
+    """Let a peripheral act that most firmwares use all the time."""
+    kind, number = s[c.DEVICE + word] // 16, s[c.DEVICE + word] % 16
     if kind == RCC:
         write_rcc(s, word)
-    elif kind == FLASH:
-        if word == _FLASH_ACR and s[c.WAIT_STATES] != value & 7:
-            s[c.WAIT_STATES] = value & 7
-            forget_costs(s)
     elif kind == GPIO:
         gpio.write_gpio(s, number, word % gpio.PORT_WORDS, value)
     elif kind == AFIO:
         gpio.route_channels(s)
+        route_inputs(s)
     elif kind == EXTI:
         if word in (gpio.PR, gpio.SWIER):
             s[c.VALUE + word] = before
         gpio.write_exti(s, word, value)
     elif kind == TIMER:
         write_timer(s, number, word % 256, value, before)
+        if word % 256 in (CR2, SMCR, CCMR1, CCMR2, CCER):
+            route_inputs(s)
     elif kind == USART:
         write_usart(s, number, word % 256, value, before)
         listen(s, number)
-    elif kind == IWDG and word == _IWDG_KR:
-        if value == 0xCCCC:
-            s[c.WATCHDOG_ON] = 1
-        if s[c.WATCHDOG_ON] and value in (0xCCCC, 0xAAAA):
-            ticks = (s[c.VALUE + _IWDG_KR + 2] + 1) * (4 << min(s[c.VALUE + _IWDG_KR + 1], 6))
-            s[c.DUES + c.WATCHDOG_DUE] = s[c.AT] + ticks * (_GRAINS_PER_SECOND // _LSI_HZ)
+
+
+@integer
+def _write_other(s: Cells, word: int, value: int, before: int) -> None:
+    kind, number = s[c.DEVICE + word] // 16, s[c.DEVICE + word] % 16
+    if kind == FLASH:
+        write_flash(s, word % 256, value, before)
+    elif kind == CAN:
+        write_can(s, word % 256, value, before)
+    elif kind == DMA:
+        write_dma(s, word % 256, value, before)
+    elif kind == ADC:
+        write_adc(s, word % 256, value, before)
+        if word % 256 == CR2_OF_ADC:
+            route_inputs(s)
+    elif kind == IWDG:
+        write_iwdg(s, word % 256, value)
+    elif kind == WWDG:
+        write_wwdg(s, word % 256, value, before)
+    elif kind == RTC:
+        write_rtc(s, word % 256, value, before)
+    elif kind == SPI:
+        write_spi(s, number, word % 256, value, before)
+    elif kind == I2C:
+        write_i2c(s, number, word % 256, value, before)
+    elif kind == BKP and not backup_is_open(s):
+        s[c.VALUE + word] = before

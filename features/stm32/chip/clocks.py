@@ -3,7 +3,9 @@
 from typing import Final
 
 from steptwin.features.stm32.chip import cells as c
+from steptwin.features.stm32.chip.can import tell_can
 from steptwin.features.stm32.chip.cells import Cells, integer
+from steptwin.features.stm32.chip.rtc import start_rtc
 from steptwin.features.stm32.chip.timers import count_to, schedule_timer, set_tick
 
 RCC: Final = (0x40021000 - c.PERIPHERALS) // 4
@@ -69,5 +71,8 @@ def write_rcc(s: Cells, register: int) -> None:
     elif register == CFGR:
         s[c.VALUE + CFGR] = s[c.VALUE + CFGR] & ~0xC | (s[c.VALUE + CFGR] & 3) << 2
         set_clocks(s)
+        tell_can(s)
     elif register in (BDCR, CSR):
         s[c.VALUE + register] = s[c.VALUE + register] & ~2 | (s[c.VALUE + register] & 1) << 1
+        if register == BDCR:
+            start_rtc(s)

@@ -75,14 +75,25 @@ def straight_cycles(s: Cells, begin: int, end: int) -> int:
 
 
 @integer
+def _changes_mask(s: Cells, end: int) -> bool:
+    """Return whether a block ends by CPSID, CPSIE, or a write of PRIMASK or FAULTMASK."""
+    last = read_memory(s, end - 2, 2)
+    return last & 0xFFE8 == 0xB660 or (last & 0xFFFC == 0x8810 and read_memory(s, end - 4, 2) & 0xFFF0 == 0xF380)
+
+
+@integer
 def block_cycles(s: Cells, begin: int, size: int) -> int:
-    """Return the cycles of a block, as `straight_cycles`; those of blocks in flash are worked out once."""
+    """Return twice the cycles of a block, as `straight_cycles`, plus 1 if it may change the masks of all interrupts.
+
+    Those of blocks in flash are worked out once.
+    """
     if not c.FLASH_START <= begin < s[c.FLASH_END]:
-        return straight_cycles(s, begin, begin + size)
+        return 2 * straight_cycles(s, begin, begin + size) + (1 if _changes_mask(s, begin + size) else 0)
     place = (begin - c.FLASH_START) >> 1
     if s[c.KNOWN_SIZE + place] != size:
         s[c.KNOWN_SIZE + place] = size
-        s[c.KNOWN_CYCLES + place] = straight_cycles(s, begin, begin + size)
+        cycles = straight_cycles(s, begin, begin + size)
+        s[c.KNOWN_CYCLES + place] = 2 * cycles + (1 if _changes_mask(s, begin + size) else 0)
     return s[c.KNOWN_CYCLES + place]
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.cells import Cells, integer
 from steptwin.features.stm32.chip.nvic import set_line
+from steptwin.features.stm32.chip.outside import SELECT, ask
 
 AFIO: Final = (0x40010000 - c.PERIPHERALS) // 4
 MAPR: Final = AFIO + 1
@@ -17,6 +18,8 @@ GPIO: Final = (0x40010800 - c.PERIPHERALS) // 4
 PORT_WORDS: Final = 0x400 // 4
 CRL, CRH, IDR, ODR, BSRR, BRR = range(6)
 _EXTI_IRQ: Final = np.array([6, 7, 8, 9, 10, 23, 23, 23, 23, 23, 40, 40, 40, 40, 40, 40])
+_ALARM_IRQ: Final = 41
+"""Of line 17, RTC's alarm."""
 
 _PA, _PB, _PC, _PD, _PE = 0, 16, 32, 48, 64
 CHANNEL_PINS: Final = np.array(
@@ -67,6 +70,7 @@ def set_modes(s: Cells, port: int) -> None:
     s[c.PUSH_PULL + port], s[c.OPEN_DRAIN + port] = push_pull, open_drain
     s[c.ALTERNATE + port], s[c.PULLED + port] = alternate, pulled
     s[c.WAS_OUTPUT + port] |= push_pull | open_drain
+    s[c.LEFT_OUTPUT + port] |= s[c.WAS_OUTPUT + port] & ~(push_pull | open_drain)
     refresh(s, port)
 
 
@@ -84,6 +88,14 @@ def refresh(s: Cells, port: int) -> None:
     if not changed:
         return
     s[c.LEVELS + port] = levels
+    if changed & s[c.INPUT_MASK + port]:
+        s[c.INPUT_RISES + port] |= changed & levels
+        s[c.INPUT_FALLS + port] |= changed & ~levels
+        s[c.TIMER_PULSES] |= 1 << 8
+    if changed & s[c.SELECT_MASK + port]:
+        for pin in range(16):
+            if changed & s[c.SELECT_MASK + port] & 1 << pin:
+                ask(s, SELECT, 16 * port + pin, levels >> pin & 1)
     kept = changed & s[c.WATCHED + port]
     pin = 0
     while kept:
@@ -113,12 +125,13 @@ def _trigger(s: Cells, port: int, pins: int) -> None:
 @integer
 def set_exti_lines(s: Cells) -> None:
     """Ask for the interrupts of the pending lines of EXTI that are not masked."""
-    asked, irqs = s[c.VALUE + PR] & s[c.VALUE + IMR] & 0xFFFF, 0
+    asked, irqs = s[c.VALUE + PR] & s[c.VALUE + IMR], 0
     for pin in range(16):
         if asked >> pin & 1:
             irqs |= 1 << int(_EXTI_IRQ[pin])
     for irq in (6, 7, 8, 9, 10, 23, 40):
         set_line(s, irq, irqs >> irq & 1)
+    set_line(s, _ALARM_IRQ, asked >> 17 & 1)
 
 
 @integer

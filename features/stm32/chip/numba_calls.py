@@ -1,4 +1,8 @@
-"""How numba makes the calls of `libunicorn`: by the functions' addresses in the state. Only `compiled` imports this."""
+"""How numba makes the calls of `libunicorn` and `outside`: by the functions' addresses in the state.
+
+So are called, too, the functions of our own that are most of the chip: each is compiled once, not in each caller. Only
+`compiled` imports this.
+"""
 
 from typing import Any
 
@@ -7,6 +11,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, overload
 
+from steptwin.features.stm32.chip import bus, devices
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.libunicorn import (
     read_frame,
@@ -18,6 +23,7 @@ from steptwin.features.stm32.chip.libunicorn import (
     write_memory,
     write_register,
 )
+from steptwin.features.stm32.chip.outside import ask
 
 long, word, byte = ir.IntType(64), ir.IntType(32), ir.IntType(8)
 
@@ -136,3 +142,42 @@ def _(s: Any) -> Any:
         call_stop(s[c.STOP], s[c.UC])
 
     return halt
+
+
+@intrinsic
+def call_outside(_: Any, function: Any, question: Any, number: Any, value: Any) -> Any:
+    def make(_: Any, builder: Any, __: Any, given: Any) -> Any:
+        pointer = builder.inttoptr(given[0], ir.FunctionType(long, [long] * 3).as_pointer())
+        return builder.call(pointer, list(given[1:]))
+
+    return types.int64(types.int64, types.int64, types.int64, types.int64), make
+
+
+overload(ask)(
+    lambda s, question, number, value: (
+        lambda s, question, number, value: call_outside(s[c.ANSWERS], question, number, value)
+    )
+)
+
+
+@intrinsic
+def call_function(_: Any, function: Any, state: Any, first: Any, second: Any, third: Any) -> Any:
+    def make(_: Any, builder: Any, __: Any, given: Any) -> Any:
+        pointer = builder.inttoptr(given[0], ir.FunctionType(long, [long] * 4).as_pointer())
+        return builder.call(pointer, list(given[1:]))
+
+    return types.int64(types.int64, types.int64, types.int64, types.int64, types.int64), make
+
+
+overload(devices.act)(lambda s: lambda s: call_function(s[c.ACT], s[c.SELF], 0, 0, 0))
+overload(devices.serve_events)(lambda s: lambda s: call_function(s[c.SERVE_EVENTS], s[c.SELF], 0, 0, 0))
+overload(bus.read)(
+    lambda s, address, size: (
+        lambda s, address, size: call_function(s[c.BUS_READ], s[c.SELF], address, size, 0) & 0xFFFFFFFF
+    )
+)
+overload(bus.write)(
+    lambda s, address, size, value: (
+        lambda s, address, size, value: call_function(s[c.BUS_WRITE], s[c.SELF], address, size, value)
+    )
+)

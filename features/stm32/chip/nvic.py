@@ -116,12 +116,15 @@ def enter(s: Cells, number: int, chained: int) -> None:
         sp -= 4
         status |= 0x200
     sp -= 32
+    by_process = s[c.DEPTH] == 0 and read_register(s, CONTROL) & 2 != 0
+    if sp < s[c.STACK_LIMIT] and not by_process:
+        s[c.FAULT], s[c.FAULT_AT], s[c.FAULT_PC] = c.FAULT_STACK, sp, s[c.PC]
+        return
     for pair in range(3):
         low, high = read_register(s, STACKED[2 * pair]), read_register(s, STACKED[2 * pair + 1])
         s[c.FRAME + pair] = low | _signed(high) << 32
     s[c.FRAME + 3] = s[c.PC] | _signed(status) << 32
     write_frame(s, sp)
-    by_process = s[c.DEPTH] == 0 and read_register(s, CONTROL) & 2 != 0
     write_register(s, SP, sp)
     write_register(s, LR, 0xFFFFFFF1 if s[c.DEPTH] else 0xFFFFFFFD if by_process else 0xFFFFFFF9)
     write_register(s, XPSR, _THUMB | number)

@@ -4,14 +4,27 @@ from typing import Final
 
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.cells import Cells, integer
-from steptwin.features.stm32.chip.cost import REFILL_CYCLES, block_cycles
-from steptwin.features.stm32.chip.devices import act, next_due
+from steptwin.features.stm32.chip.cost import REFILL_CYCLES, block_cycles, part_cycles
+from steptwin.features.stm32.chip.devices import act
+from steptwin.features.stm32.chip.events import next_due
+from steptwin.features.stm32.chip.flash import program_flash
 from steptwin.features.stm32.chip.libunicorn import read_memory, read_register, start, stop
-from steptwin.features.stm32.chip.nvic import EXIT_CYCLES, PC, SVCALL, enter, leave, takes_exception
+from steptwin.features.stm32.chip.nvic import (
+    EXIT_CYCLES,
+    FAULTMASK,
+    PC,
+    PRIMASK,
+    SVCALL,
+    enter,
+    leave,
+    takes_exception,
+)
 
 _WFI, _WFE, _YIELD, _SEV = 0xBF30, 0xBF20, 0xBF10, 0xBF40
 _SVC_EXCEPTION, _BREAKPOINT_EXCEPTION, _EXIT_EXCEPTION = 2, 7, 8
 """unicorn's numbers of exceptions."""
+_WRITE_PROTECTED: Final = 22
+"""unicorn's number of a write to memory that can only be read."""
 _EDGES_LEFT: Final = 512
 """Places in the list of edges that a block may need."""
 
@@ -24,8 +37,31 @@ def _close_block(s: Cells, next_address: int) -> None:
     cycles = s[c.BLOCK_CYCLES]
     if next_address != s[c.BLOCK] + s[c.BLOCK_SIZE]:
         cycles += REFILL_CYCLES + s[c.WAIT_STATES]
+    _spend(s, cycles)
+    if s[c.MASK_CHANGES]:
+        _note_mask(s)
+
+
+@integer
+def _spend(s: Cells, cycles: int) -> None:
+    """Let cycles pass in the present block, which ends."""
     s[c.NOW] += cycles * s[c.CYCLE]
+    in_flash = c.FLASH_START <= s[c.BLOCK] < s[c.FLASH_END]
+    s[c.SPENT + ((s[c.BLOCK] - c.FLASH_START) >> 1 if in_flash else c.BLOCK_COSTS - 1)] += cycles * s[c.CYCLE]
     s[c.BLOCK_SIZE] = 0
+
+
+@integer
+def _note_mask(s: Cells) -> None:
+    """Begin or end a time with all interrupts off, as PRIMASK and FAULTMASK are now."""
+    s[c.MASK_CHANGES] = 0
+    if (read_register(s, PRIMASK) | read_register(s, FAULTMASK)) & 1:
+        if s[c.MASKED_AT] == c.NEVER:
+            s[c.MASKED_AT], s[c.MASKED_BY] = s[c.NOW], s[c.BLOCK]
+    elif s[c.MASKED_AT] != c.NEVER:
+        if s[c.NOW] - s[c.MASKED_AT] > s[c.LONGEST_MASKED]:
+            s[c.LONGEST_MASKED], s[c.LONGEST_MASKED_BY] = s[c.NOW] - s[c.MASKED_AT], s[c.MASKED_BY]
+        s[c.MASKED_AT] = c.NEVER
 
 
 @integer
@@ -38,7 +74,26 @@ def on_block(s: Cells, address: int, size: int) -> None:
     if s[c.NOW] >= min(s[c.UNTIL], s[c.DUE]) or s[c.FAULT] or full or takes_exception(s, 1):
         stop(s)
         return
-    s[c.BLOCK], s[c.BLOCK_SIZE], s[c.BLOCK_CYCLES] = address, size, block_cycles(s, address, size)
+    cost = block_cycles(s, address, size)
+    s[c.BLOCK], s[c.BLOCK_SIZE], s[c.BLOCK_CYCLES], s[c.MASK_CHANGES] = address, size, cost >> 1, cost & 1
+
+
+@integer
+def on_instruction(s: Cells, address: int) -> None:
+    """Stop before an instruction for a debugger: at a breakpoint, or behind a step. Without one nobody calls this."""
+    if s[c.STOPPED]:
+        return
+    if s[c.STEPS_LEFT]:
+        s[c.STEPS_LEFT] -= 1
+        return
+    halts = s[c.STEPPING] != 0
+    for number in range(s[c.BREAKPOINT_COUNT]):
+        halts = halts or s[c.BREAKPOINT + number] == address
+    if halts:
+        if s[c.BLOCK_SIZE]:
+            _spend(s, part_cycles(s, s[c.BLOCK], address))
+        s[c.HALTED] = 1
+        stop(s)
 
 
 @integer
@@ -49,14 +104,17 @@ def on_exception(s: Cells, number: int) -> None:
 
 
 @integer
-def on_unmapped(s: Cells, address: int) -> None:
-    """Note an access to an address where there is nothing."""
+def on_unmapped(s: Cells, kind: int, address: int, size: int, value: int) -> bool:
+    """Note an access to an address where there is nothing; return True for a write that the flash takes."""
+    if kind == _WRITE_PROTECTED and program_flash(s, address, size, value):
+        return True
     s[c.FAULT], s[c.FAULT_AT], s[c.FAULT_PC] = c.FAULT_UNMAPPED, address, read_register(s, PC)
+    return False
 
 
 @integer
 def run(s: Cells, until: int) -> None:
-    """Let time pass until an instant in grains; end before it after a fault, or if the edges must be taken.
+    """Let time pass until an instant in grains; end before it after a fault, for a debugger, for edges or frames.
 
     The last block may end after that instant.
     """
@@ -66,10 +124,15 @@ def run(s: Cells, until: int) -> None:
         while s[c.DUE] <= s[c.NOW]:
             act(s)
         s[c.AT] = s[c.NOW]
-        if s[c.FAULT] or s[c.NOW] >= until or s[c.EDGE_COUNT] > c.EDGE_CAPACITY - _EDGES_LEFT:
+        full = s[c.EDGE_COUNT] > c.EDGE_CAPACITY - _EDGES_LEFT
+        if s[c.FAULT] or s[c.HALTED] or s[c.NOW] >= s[c.UNTIL] or full:
             return
         if s[c.SLEEPING] and not _wakes(s):
-            s[c.NOW] = max(s[c.NOW], min(until, s[c.DUE]))
+            asleep = max(min(s[c.UNTIL], s[c.DUE]) - s[c.NOW], 0)
+            s[c.NOW] += asleep
+            s[c.SLEPT] += asleep
+            if s[c.MASKED_AT] != c.NEVER:
+                s[c.MASKED_AT] += asleep
             continue
         if takes_exception(s, 1):
             s[c.SLEEPING] = 0

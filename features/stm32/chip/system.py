@@ -34,6 +34,7 @@ def systick_event(s: Cells) -> None:
     """Let SysTick pass 0 at the instant `AT`."""
     s[c.SYSTICK_CONTROL] |= _REACHED_0
     if s[c.SYSTICK_CONTROL] & _INTERRUPT:
+        s[c.OVERRUNS + SYSTICK] += s[c.PENDING_SYSTEM] >> SYSTICK & 1
         pend_system(s, SYSTICK)
     s[c.SYSTICK_LEFT] = 0
     _start_systick(s)

@@ -6,15 +6,20 @@ import numpy as np
 
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.cells import Cells, integer
-from steptwin.features.stm32.chip.nvic import set_line
+from steptwin.features.stm32.chip.dma import OF_USARTS, set_dma_level
+from steptwin.features.stm32.chip.gpio import set_device_pin
+from steptwin.features.stm32.chip.nvic import FIRST_IRQ, set_line
 
 SR, DR, BRR, CR1, CR2, CR3 = range(6)
 BASES: Final = np.array([(at - c.PERIPHERALS) // 4 for at in (0x40013800, 0x40004400, 0x40004800)])
-PINS: Final = (9, 2, 16 + 10)
+_TX_PINS: Final = np.array([9, 2, 16 + 10])
 """The pin of each TX without a remap: 16 * port + pin."""
 _FIRST_IRQ: Final = 37
 ORE, IDLE, RXNE, TC, TXE = 8, 16, 32, 64, 128
 UE, TE, RE = 1 << 13, 8, 4
+DMAR, DMAT = 64, 128
+_DMA: Final = np.array([[4, 5], [7, 6], [2, 3]])
+"""Channels of sender and receiver (RM0008, table 78)."""
 
 
 @integer
@@ -28,11 +33,15 @@ def _byte_grains(s: Cells, usart: int) -> int:
 
 @integer
 def set_usart_line(s: Cells, usart: int) -> None:
-    """Ask for the interrupt."""
+    """Ask for the interrupt, and for DMA (27.3.13)."""
     base = c.VALUE + int(BASES[usart])
     status, control = s[base + SR], s[base + CR1]
     asked = status & control & (TXE | TC | RXNE | IDLE) != 0 or (status & ORE != 0 and control & RXNE != 0)
     set_line(s, _FIRST_IRQ + usart, 1 if asked else 0)
+    by_dma = s[base + CR3]
+    if by_dma & (DMAT | DMAR) or s[c.DMA_LEVELS]:
+        set_dma_level(s, OF_USARTS, int(_DMA[usart, 0]), 1 if by_dma & DMAT and status & TXE and control & UE else 0)
+        set_dma_level(s, OF_USARTS, int(_DMA[usart, 1]), 1 if by_dma & DMAR and status & RXNE else 0)
 
 
 @integer
@@ -76,6 +85,7 @@ def usart_received(s: Cells, usart: int) -> None:
     if s[base + CR1] & UE and s[base + CR1] & RE:
         if s[base + SR] & RXNE:
             s[base + SR] |= ORE
+            s[c.OVERRUNS + FIRST_IRQ + _FIRST_IRQ + usart] += 1
         else:
             s[base + DR] = byte
             s[base + SR] |= RXNE
@@ -109,4 +119,7 @@ def write_usart(s: Cells, usart: int, word: int, value: int, before: int) -> Non
                 _begin_byte(s, usart)
     elif word == SR:
         s[base + SR] = before & (value | ~(TC | RXNE))
+    elif word == CR1 and (value ^ before) & (UE | TE):
+        on = value & (UE | TE) == UE | TE
+        set_device_pin(s, int(_TX_PINS[usart]), 1 if on else 0)  # TX is high between bytes
     set_usart_line(s, usart)

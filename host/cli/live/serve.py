@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -24,7 +24,7 @@ from steptwin.host.common import listening as socketcand
 from steptwin.host.common.errors import BusError, InputError, RecordingError
 from steptwin.host.common.features import giving
 from steptwin.host.common.processes import ClockStood, Slowness, collecting_often, on_signals
-from steptwin.host.twin.machine.machine_options import MachineOptions
+from steptwin.host.twin.machine.machine_options import MachineOptions, merged
 
 if TYPE_CHECKING:
     from steptwin.host.common.features import LiveWords
@@ -91,6 +91,8 @@ def serve(
     loaded = which.robot(robot)
     wanted = [each for each in offered if each.wanted]
     program = ServedCommand(beside, endpoint.interface)
+    brought = [each for option in offered for each in option.extras]
+    machine = replace(machine, extras=merged(brought, machine.extras))
     machine = machine_for(loaded, machine)  # bad input is reported before a port is opened
     _warn_outside(loaded, machine)
     for lines in machine.warnings(loaded, driver_profile(loaded.board, machine.driver_profile)).values():

@@ -55,6 +55,11 @@ class ServedProgram(ABC):
         The board then has a control port, and the program prints how to end both.
         """
 
+    @property
+    def extras(self) -> Sequence[object]:
+        """Options of features that the served machine gets beside those of --machine."""
+        return ()
+
     @abstractmethod
     def running(self, *, to_stderr: bool) -> AbstractContextManager[Callable[[ServedPlace], None]]:
         """Run the program during the block; yield a function that announces the served board to it.

@@ -282,6 +282,8 @@ class LiveBoard:
 
     def close(self, document: dict[str, Any]) -> None:
         """Complete the files after the last `record`; `document` becomes report.json."""
+        for part in self.parts.values():
+            part.close()
         if self._bus_log:
             self._bus_log.close()
         if self._recording and self._plan:

@@ -81,3 +81,19 @@ def test_a_silent_station_neither_hears_nor_acknowledges_nor_destroys() -> None:
     rig.stations[1].tune(None)
     rig.run()
     assert {frame for _, frame in rig.heard[0] + rig.heard[1]} == {FRAME, Frame(0x100, b"")}
+
+
+def test_a_silent_station_hears_frames_but_neither_acknowledges_nor_destroys_them() -> None:
+    rig = BusRig(stations=3)
+    rig.stations[STRANGE].silent = True
+    rig.stations[STRANGE].tune(500_000)
+    rig.stations[HOST].send(FRAME, 0)
+    rig.run()
+    assert (rig.bus.error_frames, [frame for _, frame in rig.heard[TUNED]]) == (0, [FRAME])
+    pair = BusRig(stations=2)
+    pair.stations[TUNED].silent = True
+    pair.stations[TUNED].tune(None)
+    pair.stations[HOST].send(FRAME, 0)
+    pair.run(until_counts=pair.bits(1000))
+    assert pair.heard[TUNED] == []
+    assert pair.stations[HOST].errors.transmit_errors > 0

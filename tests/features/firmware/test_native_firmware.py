@@ -156,8 +156,12 @@ def test_a_broken_firmware_ends_with_a_sentence(way: int, build: Build, monkeypa
 
 
 def test_a_file_that_is_no_library_and_what_needs_our_firmware(example: Path, planned: Plan, tmp_path: Path) -> None:
-    text = tmp_path / "fw.so"
+    text, at_state = tmp_path / "fw.so", tmp_path / "scenario.toml"
     text.write_text("no library", encoding="utf-8")
+    at_state.write_text(
+        'name = "state"\n[[fault]]\ndo = "estop"\npressed = true\nat_state = {joint = "th1", state = "FAULT"}\n',
+        encoding="utf-8",
+    )
     with refusing(InputError):
         BoardUnderTest(ROBOT, extras=[FirmwareOptions(firmware=text)])
     with refusing(InputError):
@@ -165,7 +169,4 @@ def test_a_file_that_is_no_library_and_what_needs_our_firmware(example: Path, pl
     with refusing(InputError):
         execute(planned, "carry", extras=[FirmwareOptions(firmware=example)])
     with refusing(InputError):
-        BoardUnderTest(
-            ROBOT,
-            extras=[FirmwareOptions(firmware=example), FaultOptions(scenario=[EmergencyStop(pressed=True)])],
-        )
+        BoardUnderTest(ROBOT, extras=[FirmwareOptions(firmware=example), FaultOptions(scenario=at_state)])

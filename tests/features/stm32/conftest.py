@@ -5,9 +5,11 @@ from typing import Final
 
 import pytest
 
-from steptwin.features.stm32.chip import bus
 from steptwin.features.stm32.chip import cells as c
+from steptwin.features.stm32.chip import devices
 from steptwin.features.stm32.chip.engine import Stm32Chip
+from steptwin.features.stm32.chip.libunicorn import write_memory
+from steptwin.features.stm32.serial_devices import SerialDevices
 
 PROGRAM: Final = 0x08000200
 """Where the program of handlers.S begins, behind the vector table."""
@@ -25,12 +27,14 @@ FLASH_ACR, GPIOA, TIM2, USART1 = 0x40022000, 0x40010800, 0x40000000, 0x40013800
 class Bench:
     """A chip at 72 MHz whose clocks are on, and its registers."""
 
-    def __init__(self, begin: int = SLEEP, handlers: dict[int, int] | None = None) -> None:
+    def __init__(self, begin: int = SLEEP, handlers: dict[int, int] | None = None, *, compiled: bool = False) -> None:
         vectors = [0x20005000, PROGRAM + begin + 1, *[PROGRAM + SLEEP + 1] * 74]
         for number, place in (handlers or {}).items():
             vectors[number] = PROGRAM + place + 1
         table = b"".join(each.to_bytes(4, "little") for each in vectors)
-        self.chip = Stm32Chip([(0x08000000, table), (PROGRAM, _CODE)], 0x08000000, compiled=False)
+        self.chip = Stm32Chip([(0x08000000, table), (PROGRAM, _CODE)], 0x08000000, compiled=compiled)
+        self.devices = SerialDevices()
+        self.chip.set_memory(0x20000000, bytes(0x5000))
         self.chip.set_register("r4", GPIOA + 0x10)  # where the handlers set their pins
         for port in range(c.PORTS):
             for pin in range(16):
@@ -42,13 +46,20 @@ class Bench:
 
     def write(self, address: int, value: int, size: int = 4) -> None:
         """Write a register now."""
-        bus.arrive(self.chip.cells)
-        bus.write(self.chip.cells, address, size, value)
+        devices.write(self.chip.cells, address, size, value)
 
     def read(self, address: int, size: int = 4) -> int:
         """Read a register now."""
-        bus.arrive(self.chip.cells)
-        return bus.read(self.chip.cells, address, size)
+        return devices.read(self.chip.cells, address, size)
+
+    def memory(self, address: int, size: int) -> bytes:
+        """Return bytes of the memory."""
+        return b"".join(self.chip.word(address + at).to_bytes(4, "little") for at in range(0, size, 4))[:size]
+
+    def set_memory(self, address: int, content: bytes) -> None:
+        """Set bytes of the memory."""
+        for at, byte in enumerate(content):
+            write_memory(self.chip.cells, address + at, 1, byte)
 
     def run(self, counts: int) -> None:
         """Let time pass from now on."""

@@ -301,15 +301,15 @@ def _strange(bench: Bench) -> list[tuple[str, int, int]]:
 
 
 def test_what_is_not_modelled_is_counted_by_place_and_kind(bench: Bench) -> None:
-    assert (bench.read(0x40012400), bench.read(0x40012400)) == (0, 0)
+    assert (bench.read(0x40012800), bench.read(0x40012800)) == (0, 0)
     bench.write(0x40005C40, 1)
-    bench.write(TIM2 + 8, 1)
-    bench.write(TIM2 + 8, 0)
+    bench.write(TIM2 + 0x48, 1)
+    bench.write(TIM2 + 0x48, 0)
     bench.write(TIM2 + 0x50, 0)
     assert _strange(bench) == [
-        ("ADC1 offset 0x0", c.STRANGE_READ, 2),
+        ("ADC2 offset 0x0", c.STRANGE_READ, 2),
         ("USB offset 0x40", c.STRANGE_WRITE, 1),
-        ("TIM2 SMCR", c.STRANGE_BITS, 1),
+        ("TIM2 DCR", c.STRANGE_BITS, 1),
         ("TIM2 offset 0x50", c.STRANGE_WRITE, 1),
     ]
 
@@ -326,3 +326,10 @@ def test_a_peripheral_without_its_clock_reads_0_and_takes_nothing(bench: Bench) 
 def test_the_flash_takes_its_wait_states(bench: Bench) -> None:
     bench.write(FLASH_ACR, 0x12)
     assert bench.chip.cells[c.WAIT_STATES] == 2
+
+
+def test_tx_is_high_between_bytes_while_its_usart_is_on(bench: Bench) -> None:
+    bench.write(GPIOA + 4, 0x444444B4)
+    assert bench.read(GPIOA + 8) >> 9 & 1 == 0
+    _usart(bench)
+    assert bench.read(GPIOA + 8) >> 9 & 1 == 1

@@ -24,9 +24,9 @@ KEYS = {
 @pytest.mark.parametrize(
     ("command", "without"),
     [
-        ("run", {"firmware", "image", "node", "motors", "personality"}),
+        ("run", {"firmware", "image", "uart-port", "flash", "node", "motors", "personality"}),
         ("serve", set()),
-        ("replay", {"faults", "motors", "firmware", "image", "node", "personality"}),
+        ("replay", {"faults", "motors", "firmware", "image", "uart-port", "flash", "node", "personality"}),
     ],
 )
 def test_help_lists_the_keys(command: str, without: set[str], capsys: pytest.CaptureFixture[str]) -> None:
