@@ -52,10 +52,12 @@ WRITE_MEMORY: Final = _cells()
 START: Final = _cells()
 STOP: Final = _cells()
 ACT: Final = _cells()
-"""Addresses of functions that numba has compiled once: two of `devices` and two of `bus`."""
+"""Addresses of functions that numba has compiled once, as the following ones."""
 SERVE_EVENTS: Final = _cells()
 BUS_READ: Final = _cells()
 BUS_WRITE: Final = _cells()
+PEND: Final = _cells()
+REFRESH: Final = _cells()
 ANSWERS: Final = _cells()
 """Address of what answers for the devices outside."""
 

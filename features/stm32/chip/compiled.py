@@ -11,7 +11,7 @@ from zlib import crc32
 from numba import carray, cfunc, njit, types
 from numba.extending import register_jitable
 
-from steptwin.features.stm32.chip import bus, devices, numba_calls, processor
+from steptwin.features.stm32.chip import bus, devices, gpio, numba_calls, nvic, processor
 from steptwin.features.stm32.chip import cells as c
 
 
@@ -20,9 +20,9 @@ def _body(function: Any) -> Any:
     return FunctionType(function.__code__, function.__globals__, f"{function.__name__}_body")
 
 
-_CALLED: Final = (devices.act, devices.serve_events, bus.read, bus.write)
-_act, _serve_events, _bus_read, _bus_write = map(_body, _CALLED)
-for _each in (*c.integer_functions, _act, _serve_events, _bus_read, _bus_write):
+_CALLED: Final = (devices.act, devices.serve_events, bus.read, bus.write, nvic.pend, gpio.refresh)
+_act, _serve_events, _bus_read, _bus_write, _pend, _refresh = _bodies = tuple(map(_body, _CALLED))
+for _each in (*c.integer_functions, *_bodies):
     if _each not in _CALLED:
         register_jitable(_nrt=False)(_each)
 
@@ -35,7 +35,7 @@ _FUNCTION: Final = _int(_pointer, _int, _int, _int)
 _ACCESS: Final = (_pointer, types.int32, _long, types.int32, _int, _pointer)
 
 
-def _compiled(sources: int) -> tuple[tuple[int, ...], Any, dict[int, int], Any]:
+def _compiled(sources: int) -> tuple[tuple[int, ...], Any, dict[int, int], Any]:  # noqa: PLR0915  (each is simple)
     """Return the addresses of the hooks, what runs a chip, addresses for its state, and what must be kept.
 
     numba takes a function from its cache if its own file and what it encloses are the same, but it does not look at the
@@ -116,8 +116,29 @@ def _compiled(sources: int) -> tuple[tuple[int, ...], Any, dict[int, int], Any]:
         _bus_write(s, address, size, value)
         return 0
 
+    @cfunc(_FUNCTION, cache=True)
+    def pend(state: Any, irq: int, _second: int, _third: int) -> int:
+        s = carray(state, _SIZE, _int)
+        s[c.SOURCES] = sources
+        _pend(s, irq)
+        return 0
+
+    @cfunc(_FUNCTION, cache=True)
+    def refresh(state: Any, port: int, _second: int, _third: int) -> int:
+        s = carray(state, _SIZE, _int)
+        s[c.SOURCES] = sources
+        _refresh(s, port)
+        return 0
+
     hooks = block, exception, unmapped, access, read, write, instruction
-    called = {c.ACT: act, c.SERVE_EVENTS: serve_events, c.BUS_READ: bus_read, c.BUS_WRITE: bus_write}
+    called = {
+        c.ACT: act,
+        c.SERVE_EVENTS: serve_events,
+        c.BUS_READ: bus_read,
+        c.BUS_WRITE: bus_write,
+        c.PEND: pend,
+        c.REFRESH: refresh,
+    }
     addresses = {cell: each.address or 0 for cell, each in called.items()}
     return tuple(each.address or 0 for each in hooks), run, addresses, (hooks, called, numba_calls)
 

@@ -11,7 +11,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, overload
 
-from steptwin.features.stm32.chip import bus, devices
+from steptwin.features.stm32.chip import bus, devices, gpio, nvic
 from steptwin.features.stm32.chip import cells as c
 from steptwin.features.stm32.chip.libunicorn import (
     read_frame,
@@ -181,3 +181,5 @@ overload(bus.write)(
         lambda s, address, size, value: call_function(s[c.BUS_WRITE], s[c.SELF], address, size, value)
     )
 )
+overload(nvic.pend)(lambda s, irq: lambda s, irq: call_function(s[c.PEND], s[c.SELF], irq, 0, 0))
+overload(gpio.refresh)(lambda s, port: lambda s, port: call_function(s[c.REFRESH], s[c.SELF], port, 0, 0))
