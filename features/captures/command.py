@@ -222,7 +222,7 @@ def _planned(options: CaptureOptions, plan: Path | None, name: str = "--plan") -
         raise InputError(f"--robot {options.robot}: {name} {plan} names the robot")
     if plan.is_dir():
         robot = read_robot(plan)
-        return robot, f"capture of {plan.name}", planner.plan(robot, stored_motion(plan, robot))
+        return robot, f"capture of {plan.name}", planner.plan_executed(robot, stored_motion(plan, robot))
     words = shlex.split(str(plan))
     if len(words) < 2:
         raise InputError(f"{name} {plan}: is neither a folder nor 'ROBOT JOB' nor 'ROBOT FILE'")

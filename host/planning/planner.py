@@ -13,6 +13,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import changed_motion
 from steptwin.host.common.planning_time import in_planning_time
 from steptwin.host.planning import checks
 from steptwin.host.planning.motions.stretched import Stretched, largest_stretch, smallest_stretch
@@ -37,6 +38,8 @@ from steptwin.protocol.pvt import DURATION_MAX_MS, VELOCITY_PER_UNIT_PER_MS
 @in_planning_time()
 def plan(robot: Robot, trajectory: Trajectory, point_ms: int = DEFAULT_POINT_MS) -> Plan:
     """Sample a trajectory every `point_ms` milliseconds and at its breakpoints, check it and convert it.
+
+    A feature may change the motion before, such as shape it against oscillations: the plan has the changed one.
 
     Raises:
         InputError: the trajectory has other joints than the robot, is not finite, exceeds a limit of position, speed,
@@ -123,7 +126,13 @@ def step_peaks(robot: Robot, part: Trajectory, from_ms: int, windows: Iterable[S
 
 
 def _plan(robot: Robot, trajectory: Trajectory, point_ms: int) -> Plan:
-    """Plan a trajectory; raise TooFastError if it must be stretched."""
+    """Plan a trajectory as features change it; raise TooFastError if it must be stretched."""
+    changed = changed_motion(robot, trajectory)
+    return plan_executed(robot, trajectory if changed is None else changed.motion, point_ms)
+
+
+def plan_executed(robot: Robot, trajectory: Trajectory, point_ms: int = DEFAULT_POINT_MS) -> Plan:
+    """Plan a trajectory exactly as it is, such as one that has been planned before; raises as `plan`."""
     checks.check_joint_names(robot, trajectory)
     times_ms = _point_times_ms(trajectory, point_ms)
     check = checks.SampleCheck(robot, checks.knots_ms(trajectory))

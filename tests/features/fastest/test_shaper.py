@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from steptwin.features.fastest.averaged import Averaged
-from steptwin.features.fastest.shaper import NO_SHAPER, Shaper, mzv_shaper
+from steptwin.features.fastest.shaper import NO_SHAPER, Oscillation, Shaper, ShaperKind, shaper_of
 from steptwin.features.fastest.worthwhile_stops import _cheapest
 from steptwin.host.common.arrays import FloatArray
 
@@ -17,6 +17,11 @@ def law(shaper: Shaper) -> Averaged:
     """Return a way of 3 with ramps, averaged over 0.02 s and shaped."""
     squares = np.array([0.0, 16.0, 16.0, 0.0])
     return Averaged.of(np.array([0.0, 1.0, 2.0, 3.0]), squares, 0.02, shaper=shaper)
+
+
+def mzv(period_s: float) -> Shaper:
+    """Return the MZV shaper of an undamped oscillation."""
+    return shaper_of(ShaperKind.MZV, Oscillation(1.0 / period_s))
 
 
 def swing_left(shaper: Shaper, period_s: float = PERIOD_S) -> float:
@@ -32,13 +37,13 @@ def swing_left(shaper: Shaper, period_s: float = PERIOD_S) -> float:
 def test_a_shaped_motion_leaves_no_swing_of_its_period_and_little_of_one_nearby() -> None:
     unshaped = swing_left(NO_SHAPER)
     assert unshaped > 0.02
-    assert swing_left(mzv_shaper(PERIOD_S)) < 0.005 * unshaped
+    assert swing_left(mzv(PERIOD_S)) < 0.005 * unshaped
     for part in (0.9, 1.1):
-        assert swing_left(mzv_shaper(part * PERIOD_S)) < 0.15 * unshaped
+        assert swing_left(mzv(part * PERIOD_S)) < 0.15 * unshaped
 
 
 def test_a_shaped_motion_keeps_the_highest_speed_and_acceleration_and_ends_at_rest() -> None:
-    plain, shaped = law(NO_SHAPER), law(mzv_shaper(PERIOD_S))
+    plain, shaped = law(NO_SHAPER), law(mzv(PERIOD_S))
     assert shaped.duration_s == pytest.approx(plain.duration_s + 0.75 * PERIOD_S, abs=0.001)
     highest = []
     for each in (plain, shaped):
