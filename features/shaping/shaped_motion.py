@@ -10,6 +10,7 @@ speed changes, the tool leaves its path, by about half the acceleration times th
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
+from itertools import pairwise
 from math import ceil
 from typing import Any, Final, NamedTuple, Self
 
@@ -17,7 +18,7 @@ import numpy as np
 
 from steptwin.features.fastest.shaper import NO_SHAPER, Oscillation, Shaper, on_milliseconds, shaper_of
 from steptwin.features.motors.limits.motor_rows import MotorLimits
-from steptwin.features.shaping.section import DAMPING, JointShaping, Shaping
+from steptwin.features.shaping.section import DAMPING, Shaping
 from steptwin.host.common.arrays import BoolArray, FloatArray, Int64Array
 from steptwin.host.common.features import ChangedMotion
 from steptwin.host.common.planning_time import check_planning_time
@@ -128,20 +129,16 @@ _MODEL_PLACES: Final = 9
 
 def oscillations_of(robot: Robot, motion: Trajectory) -> dict[str, Oscillation]:
     """Return the oscillations of the shaped joints: those of the robot file, or of the motors' model in this motion."""
+    joints = _shaping(robot).joints
     found: dict[str, Oscillation] = {}
-    asks_model: list[tuple[str, JointShaping]] = []
-    for name, joint in _shaping(robot).joints.items():
-        if joint.frequency_hz is None:
-            asks_model.append((name, joint))
-        else:
-            found[name] = Oscillation(joint.frequency_hz, DAMPING if joint.damping is None else joint.damping)
-    if asks_model:
+    if any(joint.frequency_hz is None for joint in joints.values()):
         poses = motion.positions(np.linspace(0.0, motion.duration_s, _MODEL_PLACES))
-        hz, damping = _limits(robot).joint_oscillations(poses)
-        for name, _ in asks_model:
-            i = robot.index_of(name)
-            found[name] = Oscillation(float(hz[i]), float(damping[i]))
-    return found
+        model = zip(*(each.tolist() for each in _limits(robot).joint_oscillations(poses)), strict=True)
+        found = {name: Oscillation(*each) for name, each in zip(robot.joint_names, model, strict=True)}
+    for name, joint in joints.items():
+        if joint.frequency_hz is not None:
+            found[name] = Oscillation(joint.frequency_hz, DAMPING if joint.damping is None else joint.damping)
+    return {name: found[name] for name in robot.joint_names if name in joints}
 
 
 @lru_cache(maxsize=8)
@@ -168,7 +165,7 @@ def _runs(motion: Trajectory, longest_ms: int) -> list[_Run]:
     inner_ms = inner_ms[(inner_ms > 0) & (inner_ms < end_ms)]
     rests_ms = [0, *inner_ms[_at_rest(motion.velocities(inner_ms / 1000))].tolist(), end_ms]
     runs, from_ms = list[_Run](), 0
-    for begin_ms, end_ms in zip(rests_ms[:-1], rests_ms[1:], strict=True):
+    for begin_ms, end_ms in pairwise(rests_ms):
         positions, velocities = states(motion, np.arange(begin_ms, end_ms + 1) / 1000)
         moves = not _at_rest(velocities).all() or bool((np.ptp(positions, axis=0) > _SAME_PLACE).any())
         runs.append(_Run(begin_ms, end_ms, from_ms, moves))

@@ -318,8 +318,8 @@ class Feature:
             options; None if there is none.
         part: returns its part of a machine from robot, joints at power-up, axes of each board, options and the inputs
             for which the motion waits (None: unknown); None if the machine has no such part.
-        change_motion: returns a motion changed before it is checked, such as shaped against oscillations, from robot and
-            motion; None to leave it as it is. The first feature that changes it is the only one.
+        change_motion: returns a motion changed before it is checked, from robot and motion; None to leave it as it is.
+            The first feature that changes it is the only one.
         expected: returns what a motion is planned to leave, from robot, trajectory and options; None for nothing.
         judge: returns the judge of its evidence.
         figures: returns its figures of an axis, by key: they stand in its part of report.json under `axes`, and have

@@ -128,7 +128,15 @@ def step_peaks(robot: Robot, part: Trajectory, from_ms: int, windows: Iterable[S
 def _plan(robot: Robot, trajectory: Trajectory, point_ms: int) -> Plan:
     """Plan a trajectory as features change it; raise TooFastError if it must be stretched."""
     changed = changed_motion(robot, trajectory)
-    return plan_executed(robot, trajectory if changed is None else changed.motion, point_ms)
+    if changed is None:
+        return plan_executed(robot, trajectory, point_ms)
+    return replace(plan_executed(robot, changed.motion, point_ms), changed=changed)
+
+
+def executed_duration_s(robot: Robot, trajectory: Trajectory) -> float:
+    """Return the duration of a trajectory as features change it before it is checked."""
+    changed = changed_motion(robot, trajectory)
+    return trajectory.duration_s if changed is None else changed.motion.duration_s
 
 
 def plan_executed(robot: Robot, trajectory: Trajectory, point_ms: int = DEFAULT_POINT_MS) -> Plan:

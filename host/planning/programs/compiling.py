@@ -1,8 +1,8 @@
 """Compile a program to the robot's motion, and to a table of its steps with peaks and limits."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from math import nan
 from typing import Any, Final, NamedTuple
@@ -12,6 +12,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import ChangedMotion, changed_motion
 from steptwin.host.common.findings import Findings, check_all
 from steptwin.host.common.planning_time import check_planning_time, in_planning_time, planning_step
 from steptwin.host.planning import checks
@@ -37,7 +38,7 @@ from steptwin.host.planning.programs.program import (
 )
 from steptwin.host.planning.programs.program_file import Complaints
 from steptwin.host.planning.programs.steps import GoStep, JointsBy, Step, ToolBy
-from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.planning.trajectory import OutputChange, Trajectory
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
@@ -51,12 +52,13 @@ class StepRow:
 
     Attributes:
         made: the step as it was made.
-        from_s: time when it begins.
-        duration_s: its duration.
+        from_s: time when it begins in the executed motion.
+        duration_s: its duration there.
         branch: branch of the arm at its beginning; empty for a step without a path of the tool.
         changes: times of changes of the branch, and the new names, where two branches meet on a path.
-        notes: changes of outputs on its path, and the treatment of the corner at its end, as text.
+        remarks: changes of outputs on its path, and the treatment of the corner at its end as text.
         drives: margins of the drives in the motion that ends with it; None if they do not limit it.
+        late_s: how much later it begins, because a feature has changed the motion, than without the change.
     """
 
     made: MadeStep
@@ -64,8 +66,9 @@ class StepRow:
     duration_s: float
     branch: str = ""
     changes: tuple[tuple[float, str], ...] = ()
-    notes: tuple[str, ...] = ()
+    remarks: tuple[str | OutputChange, ...] = ()
     drives: DriveAnswer | None = None
+    late_s: float = 0.0
 
     @property
     def place(self) -> Place:
@@ -76,6 +79,26 @@ class StepRow:
     def text(self) -> str:
         """The step as text."""
         return str(self.made.step)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Its remarks as text."""
+        return tuple(each if isinstance(each, str) else switching_words(each) for each in self.remarks)
+
+    def changed(self, later_s: Callable[[float], float]) -> "StepRow":
+        """Return the row of a motion that a feature has changed; `later_s` converts times."""
+        remarks = (
+            each if isinstance(each, str) else replace(each, from_s=later_s(each.from_s)) for each in self.remarks
+        )
+        from_s = later_s(self.from_s)
+        return replace(
+            self,
+            from_s=from_s,
+            duration_s=round(later_s(self.from_s + self.duration_s) - from_s, 3),
+            changes=tuple((later_s(t_s), name) for t_s, name in self.changes),
+            remarks=tuple(remarks),
+            late_s=from_s - self.from_s,
+        )
 
     @property
     def peaks(self) -> tuple[Peak, ...]:
@@ -98,14 +121,21 @@ class CompiledProgram:
     """A program's motion and its steps.
 
     Attributes:
-        trajectory: the motion.
+        trajectory: the motion, for the planner.
         steps: the steps.
         is_whole: False if anything but the speed of steps is wrong; the rest is then incomplete.
+        changed: the motion as a feature changes it before it is checked; None if it stays as it is.
     """
 
     trajectory: Sequence
     steps: tuple[StepRow, ...]
     is_whole: bool
+    changed: ChangedMotion | None = None
+
+    @property
+    def executed(self) -> Trajectory:
+        """The motion as it is executed."""
+        return self.trajectory if self.changed is None else self.changed.motion
 
     def fast_steps(self) -> tuple[str, ...]:
         """Return a message for each step that is too fast, with passing values of its own keys."""
@@ -126,8 +156,9 @@ class CompiledProgram:
                 raise InputError(f"{steps[0]}{more}; or the whole program: {error.advice}") from error
             if not error.peaks:
                 raise
-            t_s = error.peaks[0].t_s / stretch
-            row = max((row for row in self.steps if row.from_s <= t_s), key=lambda row: row.from_s)
+            t_s = error.peaks[0].t_s
+            begun = (row for row in self.steps if stretch * (row.from_s - row.late_s) + row.late_s <= t_s)
+            row = max(begun, key=lambda row: row.from_s)
             where = f"{row.place} ({row.text})"
             raise InputError(f"{where}: {error}").plainly(f"{where}: {error.plain}") from error
 
@@ -232,7 +263,10 @@ class _Walk:
 
     def compiled(self, expects: Mapping[str, Any], *, is_whole: bool) -> CompiledProgram:
         """Return the result so far."""
-        return CompiledProgram(self._moves.composer.sequence(expects), tuple(self.rows), is_whole)
+        motion, rows = self._moves.composer.sequence(expects), tuple(self.rows)
+        if not is_whole or not self.has_moved or not (changed := changed_motion(self._robot, motion)):
+            return CompiledProgram(motion, rows, is_whole)
+        return CompiledProgram(motion, tuple(row.changed(changed.later_s) for row in rows), is_whole, changed)
 
     @property
     def has_moved(self) -> bool:
@@ -323,7 +357,7 @@ class _Walk:
                 self._add_gathered()
             else:
                 part = moves.composer.motion_since(from_s) if step.moves else None
-                notes = (*moves.notes, *map(switching_words, moves.switched))
+                notes = (*moves.notes, *moves.switched)
                 moves.notes, moves.switched = (), ()
                 way: BranchesOnWay = ("", ())
                 if isinstance(part, ToolMove):
