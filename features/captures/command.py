@@ -209,6 +209,7 @@ def _naming() -> Any:
 def _planned(options: CaptureOptions, plan: Path | None, name: str = "--plan") -> "tuple[Robot, str, Plan | None]":
     """Return the robot, the words for the motion, and the motion; None without a plan."""
     from steptwin.host.planning import planner
+    from steptwin.host.planning.programs.step_files import is_step_file
     from steptwin.host.record.folder import read_robot, stored_motion
     from steptwin.host.robots import load_robot
 
@@ -228,6 +229,8 @@ def _planned(options: CaptureOptions, plan: Path | None, name: str = "--plan") -
         raise InputError(f"{name} {plan}: is neither a folder nor 'ROBOT JOB' nor 'ROBOT FILE'")
     with prefixed(f"{name}: "):
         given = name_value_pairs(words[2:])
+    if name == "--path" and is_step_file(words[1]):  # a controller goes to the very corners of its file
+        given = {"blend_mm": "0", **given}
     return _of_words(words[0], words[1], given)
 
 

@@ -151,7 +151,11 @@ class PathRun:
     @property
     def hints(self) -> tuple[str, ...]:
         """What may be looked at, though it fails nothing."""
-        return self.alone.hints
+        name = self.verdict.rule.name
+        if self.passed or name not in _CHORDS or not self.verdict.path.curve_steps_per_mm:
+            return self.alone.hints
+        chords = f"the path has arcs, which {name} goes in chords of about 1 mm: write lines into the file (docs/captures.md)"
+        return (*self.alone.hints, chords)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report as `steptwin verify --capture --path --json` prints it."""
@@ -159,6 +163,10 @@ class PathRun:
         if self.verdict.both_edges:
             document["capture"]["limits"] = []
         return document | {"path": self.verdict.to_dict()}
+
+
+_CHORDS: Final = ("klipper", "marlin")
+"""Controllers whose chords are farther from an arc than a step."""
 
 
 def judge_by_path(
