@@ -63,6 +63,13 @@ class PathVerdict:
     both_edges: bool = False
 
     @property
+    def hint(self) -> str:
+        """Text about arcs that the controller does not follow; empty for a passed capture or a path without arcs."""
+        if self.passed or not self.rule.long_chords or not self.path.curve_steps_per_mm:
+            return ""
+        return f"the path has arcs, which {self.rule.name} goes in chords of about 1 mm: let the file have lines"
+
+    @property
     def passed(self) -> bool:
         """True if the path was walked, wholly, once, and in its order."""
         return not self.faults
@@ -151,11 +158,7 @@ class PathRun:
     @property
     def hints(self) -> tuple[str, ...]:
         """What may be looked at, though it fails nothing."""
-        name = self.verdict.rule.name
-        if self.passed or name not in _CHORDS or not self.verdict.path.curve_steps_per_mm:
-            return self.alone.hints
-        chords = f"the path has arcs, which {name} goes in chords of about 1 mm: write lines into the file (docs/captures.md)"
-        return (*self.alone.hints, chords)
+        return (*self.alone.hints, *filter(None, [self.verdict.hint]))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report as `steptwin verify --capture --path --json` prints it."""
@@ -163,10 +166,6 @@ class PathRun:
         if self.verdict.both_edges:
             document["capture"]["limits"] = []
         return document | {"path": self.verdict.to_dict()}
-
-
-_CHORDS: Final = ("klipper", "marlin")
-"""Controllers whose chords are farther from an arc than a step."""
 
 
 def judge_by_path(

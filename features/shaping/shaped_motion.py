@@ -146,7 +146,7 @@ def _limits(robot: Robot) -> MotorLimits:
     return MotorLimits.of(robot, 0.0)
 
 
-class _Run(NamedTuple):
+class _ShapedRun(NamedTuple):
     """A part of a motion from rest to rest: its times in the motion, and when it begins in the shaped one."""
 
     begin_ms: int
@@ -155,7 +155,7 @@ class _Run(NamedTuple):
     moves: bool
 
 
-def _runs(motion: Trajectory, longest_ms: int) -> list[_Run]:
+def _runs(motion: Trajectory, longest_ms: int) -> list[_ShapedRun]:
     """Return the runs of a motion; one that moves lasts longer by the longest delay."""
     changes_s = [t_s for each in motion.output_changes if not each.on_the_way for t_s in (each.from_s, each.until_s)]
     waits_s = [wait.at_s for wait in waits_of(motion)]
@@ -164,11 +164,11 @@ def _runs(motion: Trajectory, longest_ms: int) -> list[_Run]:
     inner_ms = np.unique(np.rint(1000.0 * inner_s).astype(np.int64))
     inner_ms = inner_ms[(inner_ms > 0) & (inner_ms < end_ms)]
     rests_ms = [0, *inner_ms[_at_rest(motion.velocities(inner_ms / 1000))].tolist(), end_ms]
-    runs, from_ms = list[_Run](), 0
+    runs, from_ms = list[_ShapedRun](), 0
     for begin_ms, end_ms in pairwise(rests_ms):
         positions, velocities = states(motion, np.arange(begin_ms, end_ms + 1) / 1000)
         moves = not _at_rest(velocities).all() or bool((np.ptp(positions, axis=0) > _SAME_PLACE).any())
-        runs.append(_Run(begin_ms, end_ms, from_ms, moves))
+        runs.append(_ShapedRun(begin_ms, end_ms, from_ms, moves))
         from_ms += end_ms - begin_ms + (longest_ms if moves else 0)
         check_planning_time()
     return runs
@@ -205,7 +205,7 @@ def shaped(robot: Robot, motion: Trajectory) -> ChangedMotion | None:
     return ChangedMotion(made, later_s, partial(described, robot, motion, made, runs, oscillations, delays))
 
 
-def _later_s(runs: Sequence[_Run], delays: JointDelays, t_s: float) -> float:
+def _later_s(runs: Sequence[_ShapedRun], delays: JointDelays, t_s: float) -> float:
     """Return the time of the shaped motion for a time of the motion, a whole ms: in a run it is later by the mean."""
     t_ms = 1000.0 * t_s
     run = next((run for run in runs if t_ms < run.end_ms), runs[-1])
@@ -216,7 +216,7 @@ def _later_s(runs: Sequence[_Run], delays: JointDelays, t_s: float) -> float:
     return ceil(run.from_ms + late_ms + mean_ms - 1e-6) / 1000
 
 
-def _through_points(robot: Robot, motion: Trajectory, runs: Sequence[_Run], delays: JointDelays) -> ShapedMotion:
+def _through_points(robot: Robot, motion: Trajectory, runs: Sequence[_ShapedRun], delays: JointDelays) -> ShapedMotion:
     """Return the cubics through as few points as the shaped motion takes."""
     inner_ms = np.rint(1000.0 * np.array(motion.breakpoints_s)).astype(np.int64)
     is_jump = ~np.isin(inner_ms, list(smooth_breakpoints_ms(motion)))
@@ -280,7 +280,7 @@ def described(
     robot: Robot,
     motion: Trajectory,
     made: ShapedMotion,
-    runs: Sequence[_Run],
+    runs: Sequence[_ShapedRun],
     oscillations: Mapping[str, Oscillation],
     delays: JointDelays,
 ) -> str:
@@ -294,7 +294,7 @@ def described(
 
 
 def _off_path_mm(
-    robot: Robot, motion: Trajectory, made: ShapedMotion, runs: Sequence[_Run], delays: JointDelays
+    robot: Robot, motion: Trajectory, made: ShapedMotion, runs: Sequence[_ShapedRun], delays: JointDelays
 ) -> Iterator[float]:
     """Yield for each run that moves how far the shaped tool is at most from the path of the tool."""
     tool_at = partial(tool_places_mm, make_kinematics(robot))

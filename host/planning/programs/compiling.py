@@ -357,7 +357,7 @@ class _Walk:
                 self._add_gathered()
             else:
                 part = moves.composer.motion_since(from_s) if step.moves else None
-                notes = (*moves.notes, *moves.switched)
+                notes: tuple[str | OutputChange, ...] = (*moves.notes, *moves.switched)
                 moves.notes, moves.switched = (), ()
                 way: BranchesOnWay = ("", ())
                 if isinstance(part, ToolMove):
