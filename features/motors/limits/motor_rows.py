@@ -37,6 +37,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.planning.drives import DriveAnswer
 from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.execution import execute
@@ -311,10 +312,11 @@ class MotorsOnPath:
 
 def rotor_trial(robot: Robot, motion: Sampled, s: FloatArray, load: PathLoad, average_s: float) -> DriveTrial:
     """Turn the rotors by a motion whose cubics end at places `s` of the path, with the load at each place."""
-    comparison = execute(plan(robot, motion), "", fastest_kernel(), progress=lambda _: check_planning_time()).comparison
+    planned = plan(robot, motion)
+    comparison = execute(planned, "", fastest_kernel(), progress=lambda _: check_planning_time()).comparison
     driving = Driving.of(robot, comparison.evidence)
     if robot.dynamics and robot.dynamics.payload_held_by:
-        driving = replace(driving, payload=_payload(driving, motion, s, load))
+        driving = replace(driving, payload=_payload(driving, planned, motion, s, load))
     trace = rotors_after_run(driving)
     torques = torques_of_plan(driving, comparison, trace.supply_span_v[0])
     least, axis = np.unravel_index(int(np.argmin(torques.margins)), torques.margins.shape)
@@ -354,9 +356,11 @@ def _slips_at(driving: Driving) -> float | None:
     return slips
 
 
-def _payload(driving: Driving, motion: Sampled, s: FloatArray, load: PathLoad) -> PayloadTimes:
+def _payload(driving: Driving, planned: Plan, motion: Sampled, s: FloatArray, load: PathLoad) -> PayloadTimes:
     """Return when the payload hangs at the tool. A change counts from the earliest place where it may occur."""
     at = np.minimum(np.searchsorted(s, [change.from_s for change in load.changes]), len(s) - 1)
     times_s = np.asarray(motion.curve.x)[at]
+    if planned.changed is not None:
+        times_s = np.array([planned.changed.later_s(t_s) for t_s in times_s.tolist()])
     counts = driving.start_counts + np.rint(times_s * COUNTS_PER_SECOND).astype(np.int64)
     return PayloadTimes(counts, np.array([load.at_start, *(change.held for change in load.changes)]))

@@ -16,6 +16,7 @@ from steptwin.host.planning.planner import executed_duration_s, plan, plan_execu
 from steptwin.host.planning.trajectory import OutputChange, Trajectory, waits_of
 from steptwin.host.robots import load_robot, parse_robot
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.embedded.execution import execute
 
 START = np.array([100.0, 100.0, 50.0])
 HZ = 40.0
@@ -228,3 +229,10 @@ def test_waits_are_kept() -> None:
     (before,), (after,) = waits_of(motion), waits_of(plan(shaped, motion).trajectory)
     assert (after.input, after.timeout_s) == (before.input, before.timeout_s)
     assert after.at_s == pytest.approx(before.at_s + 0.026)
+
+
+def test_the_run_of_a_shaped_motion_is_verified_against_it() -> None:
+    shaped = plan(gantry("X", "Y", hz=60.0), moved((110.0, 104.0, 50.0)))
+    outcome = execute(shaped, "shaped")
+    assert outcome.passed
+    assert outcome.report.run.duration_s == shaped.trajectory.duration_s
