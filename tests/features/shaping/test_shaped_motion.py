@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from steptwin.features.motors.limits.motor_rows import MotorLimits
 from steptwin.features.shaping.shaped_motion import oscillations_of
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
@@ -203,32 +204,38 @@ def test_a_motion_that_does_not_start_at_rest_is_refused_as_it_is() -> None:
     assert messages[0] == messages[1] == ("X: the motion starts at t = 0.000 s with 10 mm/s instead of 0 mm/s, at rest")
 
 
-def test_the_motors_model_gives_the_slowest_oscillation_in_which_a_joint_takes_part() -> None:
-    plain = load_robot("teaching-scara")
-    tables = (f'[shaping.{joint}]\nkind = "zv"\nfrom = "motors"' for joint in ("th1", "th2", "d3"))
-    robot = parse_robot("\n".join([plain.toml, *tables]), "own.toml")
-    composer = Composer(robot, np.array(robot.home))
-    composer.pause(0.1)
-    found = oscillations_of(robot, composer.sequence())
-    assert {name: round(each.frequency_hz, 1) for name, each in found.items()} == {
-        "th1": 15.4,
-        "th2": 15.4,
-        "d3": 216.5,
-    }
-    assert found["th1"].damping == pytest.approx(0.0023, abs=0.0001)
+def test_the_motors_model_gives_each_slide_the_frequency_of_its_mass_on_its_belts() -> None:
+    """Both motors hold each slide of a CoreXY, with the inertia of two rotors; x carries y, and y carries z."""
+    links = "".join(
+        f'[joints.{name}.motor]\nmodel = "17HS19-2004S1"\n[joints.{name}.link]\nmass_kg = {mass}\n'
+        for name, mass in (("X", 0.4), ("Y", 0.6), ("Z", 0.5))
+    )
+    model = "[dynamics]\nsupply_v = 24.0\npayload_kg = 0.1\n"
+    tables = "".join(f'[shaping.{name}]\nkind = "zv"\nfrom = "motors"\n' for name in "XY")
+    robot = parse_robot(f"{PLAIN.toml}\n{links}{model}{tables}", "own.toml")
+    found = oscillations_of(robot, moved((150.0, 180.0, 60.0)))
+    limits = MotorLimits.of(robot, 0.0)
+    motor, spring_nm_rad = limits.drives[0].motor, limits.drives[0].motor.teeth * float(limits.curves[0].torque_nm[0])
+    m_rad = 0.04 / (2.0 * np.pi)
+    for name, mass_kg in (("X", 0.4 + 0.6 + 0.5 + 0.1), ("Y", 0.6 + 0.5 + 0.1)):
+        mass, stiffness = mass_kg + 2.0 * motor.rotor_inertia_kgm2 / m_rad**2, 2.0 * spring_nm_rad / m_rad**2
+        assert found[name].frequency_hz == pytest.approx(np.sqrt(stiffness / mass) / (2.0 * np.pi), rel=1e-6)
+        damping = 2.0 * motor.drag_nm_s / m_rad**2 / (2.0 * np.sqrt(stiffness * mass))
+        assert found[name].damping == pytest.approx(damping, rel=1e-6)
 
 
 def test_waits_are_kept() -> None:
-    robot = load_robot("teaching-scara")
-    shaped = parse_robot(f'{robot.toml}\n[shaping.th1]\nkind = "zv"\nfrequency_hz = 20.0', "own.toml")
-    composer = Composer(robot, np.array(robot.home))
-    composer.go(np.array(robot.home) + 5.0)
-    (name, *_) = robot.inputs
-    composer.wait(name, on=True, timeout_s=2.0)
+    inputs = '[inputs]\nready = { joint = "X", input = 1 }'
+    plain = parse_robot(f"{PLAIN.toml}\n{inputs}", "own.toml")
+    table = '[shaping.X]\nkind = "zv"\nfrequency_hz = 20.0\ndamping = 0.0'
+    robot = parse_robot(f"{PLAIN.toml}\n{inputs}\n{table}", "own.toml")
+    composer = Composer(plain, START)
+    composer.go(START + 5.0)
+    composer.wait("ready", on=True, timeout_s=2.0)
     motion = composer.sequence()
-    (before,), (after,) = waits_of(motion), waits_of(plan(shaped, motion).trajectory)
+    (before,), (after,) = waits_of(motion), waits_of(plan(robot, motion).trajectory)
     assert (after.input, after.timeout_s) == (before.input, before.timeout_s)
-    assert after.at_s == pytest.approx(before.at_s + 0.026)
+    assert after.at_s == pytest.approx(before.at_s + 0.025)
 
 
 def test_the_run_of_a_shaped_motion_is_verified_against_it() -> None:
