@@ -112,7 +112,7 @@ campaign: $(VENV)/.installed-campaign
 bench: $(VENV)/.installed-dev
 	$(BIN)/python -m steptwin.bench
 
-# Generate docs/command-line.md, docs/driver.md, docs/protocol.md, docs/robots.md, docs/robot-files.md and docs/papers, and the pictures of
+# Generate docs/command-line.md, docs/driver.md, docs/protocol.md, docs/programs.md, docs/robot-files.md and docs/papers, and the pictures of
 # these and of docs/waveforms.md. Every job is run for it.
 docs: $(VENV)/.installed
 	$(BIN)/python -m docs.generate

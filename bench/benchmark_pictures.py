@@ -11,11 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from steptwin.bench import kernel_speed
-from steptwin.bench.step_methods.evaluation import MethodErrors, ideal_of
+from steptwin.bench.step_methods.evaluation import ideal_of, step_errors
 from steptwin.bench.step_methods.motions import PlannedMotion, all_motions, stress
-from steptwin.bench.step_methods.table import measured, methods
+from steptwin.bench.step_methods.table import methods
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
-from steptwin.host.record.plots.canvas import COUNTED, PLANNED, STYLE, WIDTH_INCHES
+from steptwin.host.record.plots.canvas import COUNTED, STYLE, WIDTH_INCHES
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 DOTS_PER_INCH: Final = 90
@@ -23,37 +23,36 @@ GREY: Final = "0.55"
 DOCS: Final = Path(__file__).resolve().parents[2] / "docs" / "pictures"
 _HEADROOM: Final = 1.08
 """Axis limit over the largest value, so that the highest marker is not cut off."""
+_TIMED: Final = ("warehouse-scara pull-line", "seven axes, 14 kHz")
+"""Motions whose timing errors are drawn."""
+_LEAST_US: Final = 0.005
+"""Left end of the axis of errors, less than one count of the board's timer."""
 _CLOSE_UP_AXIS: Final = 6
 _CLOSE_UP_S: Final = (1.0, 1.0015)
 """Window of the stress test while its last axis runs at 9.8 kHz."""
 
 
-def timing_errors(figures: list[MethodErrors]) -> Figure:
-    """Draw one panel for each motion, one row for each method: median, 99 % and largest timing error."""
-    names = list(dict.fromkeys(row.motion for row in figures))
-    keys = list(dict.fromkeys(row.method for row in figures))
-    figure = Figure(figsize=(WIDTH_INCHES, 1.45 * len(names) + 0.9), layout="constrained")
-    figure.suptitle("Timing error of each method's steps against the exact crossings", x=0.01, ha="left", weight="bold")
-    for panel, name in zip(figure.subplots(len(names), 1, sharex=True), names, strict=True):
-        _errors_of(panel, name, keys, [row for row in figures if row.motion == name])
-    panel.set_xscale("log")
-    panel.set_xlabel("|edge minus ideal crossing| [us], logarithmic")
-    figure.legend(*panel.get_legend_handles_labels(), loc="upper right", ncols=3)
+def timing_errors(motions: list[PlannedMotion], kernel: Kernel) -> Figure:
+    """Draw for each motion the share of each method's steps whose timing error is at most a given time."""
+    figure = Figure(figsize=(WIDTH_INCHES, 4.6), layout="constrained")
+    figure.suptitle("Timing error of each method's steps (SIMULATED)", x=0.01, ha="left", weight="bold")
+    panels = figure.subplots(1, len(motions), sharex=True, sharey=True)
+    for panel, motion in zip(panels, motions, strict=True):
+        ideal = ideal_of(motion)
+        for method in methods(kernel):
+            axes = method.place(motion).axes
+            errors = [step_errors(motion, axis, ideal[axis], pulses).timing_us for axis, pulses in enumerate(axes)]
+            late_us = np.sort(np.abs(np.concatenate(errors)))
+            width = 2.4 if method.key == "kernel" else 1.3
+            percent = 100 * np.arange(1, late_us.size + 1) / late_us.size
+            panel.plot(late_us, percent, label=method.title, linewidth=width)
+        panel.set_title(motion.name, loc="left")
+        panel.set_xscale("log")
+        panel.set_xlim(_LEAST_US, None)
+        panel.set_xlabel("|edge minus ideal crossing| [us], logarithmic")
+    panels[0].set_ylabel("steps within it [%]")
+    panels[-1].legend(loc="lower right", fontsize=8)
     return figure
-
-
-def _errors_of(panel: Axes, name: str, keys: list[str], rows: list[MethodErrors]) -> None:
-    panel.set_title(name, loc="left")
-    at = np.arange(len(keys))
-    p50, p99, worst = (
-        np.array([getattr(row, f"timing_us_{key}") for row in rows], dtype=np.float64) for key in ("p50", "p99", "max")
-    )
-    panel.hlines(at, p50, worst, color=PLANNED, linewidth=2)
-    panel.plot(p50, at, "o", color=COUNTED, label="median")
-    panel.plot(p99, at, "D", color=GREY, label="99 %")
-    panel.plot(worst, at, "s", color="white", markeredgecolor=COUNTED, label="largest")
-    panel.set_yticks(at, keys)
-    panel.set_ylim(len(keys) - 0.4, -0.6)
 
 
 def close_up(motion: PlannedMotion, kernel: Kernel) -> Figure:
@@ -64,7 +63,7 @@ def close_up(motion: PlannedMotion, kernel: Kernel) -> Figure:
     made = methods(kernel)
     figure = Figure(figsize=(WIDTH_INCHES, 4.4), layout="constrained")
     figure.suptitle(
-        f"{motion.name}: CLK of {motion.trajectory.joint_names[_CLOSE_UP_AXIS]} from t = {begin_s:g} s (SIMULATED)",
+        f"{motion.name}: CLK of {motion.exact.joint_names[_CLOSE_UP_AXIS]} from t = {begin_s:g} s (SIMULATED)",
         x=0.01, ha="left", weight="bold",
     )  # fmt: skip
     panel = figure.subplots()
@@ -137,7 +136,7 @@ def main(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     kernel = fastest_kernel()
     pictures: dict[str, Callable[[], Figure]] = {
-        "bench-timing": lambda: timing_errors(measured(all_motions(), kernel)[0]),
+        "bench-timing": lambda: timing_errors([motion for motion in all_motions() if motion.name in _TIMED], kernel),
         "bench-edges": lambda: close_up(stress(), kernel),
         "bench-growth": lambda: growth(kernel),
     }

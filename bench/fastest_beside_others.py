@@ -269,7 +269,7 @@ def _compiled(robot: Robot, head: str, lines: Sequence[str]) -> tuple[float, flo
         (Path(folder) / "part.ngc").write_text("\n".join(lines), encoding="utf-8")
         begin_s = process_time()
         compiled = compile_program(parse_program(head, Findings(), Path(folder)), robot)
-        return compiled.trajectory.duration_s, process_time() - begin_s
+        return compiled.motion.duration_s, process_time() - begin_s
 
 
 def look_ahead_s(points: FloatArray, acceleration_mm_s2: float = 3000.0) -> float:

@@ -28,13 +28,13 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.drives import DriveAnswer
 from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.motions.tool_move import present_branch
 from steptwin.host.planning.motions.whole import Pace
 from steptwin.host.planning.paths import Arc, StraightLine, ToolPath
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs import compile_program, parse_program
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
@@ -88,7 +88,7 @@ def _part(lines: int, turns: int) -> str:
             begin_s = process_time()
             compiled = compile_program(parse_program(_PART, Findings(), Path(folder)), ROBOT)
             took_s = process_time() - begin_s
-    return f"pocket|{lines}|{compiled.trajectory.duration_s:.3f}|{took_s:.2f}"
+    return f"pocket|{lines}|{compiled.motion.duration_s:.3f}|{took_s:.2f}"
 
 
 _PART: Final = """
@@ -198,7 +198,7 @@ def _share_at(law: _Law, tool: _Tool, lasts_s: float, speed_mm_s: float) -> floa
     return float(100.0 * np.mean(np.abs(speeds - speed_mm_s) < 0.017 * speed_mm_s))
 
 
-def _pick(robot: Robot, places: FloatArray, blend_mm: float, left: float) -> tuple[Trajectory, list[DriveAnswer]]:
+def _pick(robot: Robot, places: FloatArray, blend_mm: float, left: float) -> tuple[Motion, list[DriveAnswer]]:
     """Return a pick and place through positions of the joints, corners rounded, and what the motors say of it."""
     names = [f"p{i}" for i in range(len(places))]
     positions = "\n".join(f"{name} = {{ {_position(robot, at)} }}" for name, at in zip(names, places, strict=True))
@@ -209,7 +209,7 @@ def _pick(robot: Robot, places: FloatArray, blend_mm: float, left: float) -> tup
     )
     program = parse_program(_PICK.format(names, left=left, positions=positions, steps=steps), Findings())
     made = compile_program(program, robot, drives=motor_limits)
-    return made.trajectory, [row.drives for row in made.steps if row.drives]
+    return made.motion, [row.drives for row in made.steps if row.drives]
 
 
 def _position(robot: Robot, at: FloatArray) -> str:
@@ -239,11 +239,11 @@ def motor_limited_table() -> Table:
     )
 
 
-def _spiral() -> Trajectory:
+def _spiral() -> Motion:
     return make_job(LAB, "spiral", {"law": "fastest"}, drives=motor_limits(LAB, LEFT_PERCENT))
 
 
-def _motor_row(name: str, robot: Robot, make: Callable[[], tuple[Trajectory, list[DriveAnswer]]]) -> str:
+def _motor_row(name: str, robot: Robot, make: Callable[[], tuple[Motion, list[DriveAnswer]]]) -> str:
     make()  # compiles
     begin_s = process_time()
     motion, _ = make()

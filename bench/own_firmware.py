@@ -26,7 +26,7 @@ from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.protocol.frame import FIRST_NODE_ID
 
 _ROBOT: Final = load_robot("teaching-scara")
-_MOTION: Final = plan(_ROBOT, make_job(_ROBOT, "carry", {}))
+_PLAN: Final = plan(_ROBOT, make_job(_ROBOT, "carry", {}))
 _SET_POINTS_MS: Final = (20, 5, 1)
 _QUEUED: Final = 4
 """Set-points ahead of the motion; the example keeps eight."""
@@ -45,7 +45,7 @@ def firmware_tables() -> Iterator[Table | str]:
         built = _built(compiler, Path(folder))
         yield bench_table(f"Own firmware: one call of the example, median of {_REPEATS}", "call|us", _call_rows(built))
         yield bench_table(
-            f"Own firmware: the example makes teaching-scara's carry, {_MOTION.trajectory.duration_s:g} s; median of"
+            f"Own firmware: the example makes teaching-scara's carry, {_PLAN.motion.duration_s:g} s; median of"
             f" {_REPEATS}",
             "set-points each|s|x real time|calls|us a call|s in the library alone",
             (_carry_row(built, each_ms) for each_ms in _SET_POINTS_MS),
@@ -106,13 +106,13 @@ class _Carried(NamedTuple):
 
 def _carried(built: Path, each_ms: int) -> _Carried:
     """Let the example make the motion by set-points."""
-    board = BoardUnderTest(_ROBOT, extras=[FirmwareOptions(firmware=built)], stand_at=_MOTION.start_joints)
+    board = BoardUnderTest(_ROBOT, extras=[FirmwareOptions(firmware=built)], stand_at=_PLAN.start_joints)
     nodes = [FIRST_NODE_ID + axis for axis in range(len(_ROBOT.axes))]
     for node in nodes:
         board.network.send_message(0x280 + node, b"\x01")
     board.wait(_SETTLING_S)
-    ends_s = np.arange(0, round(_MOTION.trajectory.duration_s * 1000) // each_ms + 1) * each_ms / 1000
-    steps = np.rint(_MOTION.trajectory.positions(ends_s) * _ROBOT.steps_per_unit).astype(np.int64)
+    ends_s = np.arange(0, round(_PLAN.motion.duration_s * 1000) // each_ms + 1) * each_ms / 1000
+    steps = np.rint(_PLAN.motion.positions(ends_s) * _ROBOT.steps_per_unit).astype(np.int64)
     targets = [struct.pack("<iH", target, each_ms) for target in (steps[1:] - steps[0]).ravel().tolist()]
     asked, call = list[tuple[Any, ...]](), FirmwareProcess.call
 
@@ -135,7 +135,7 @@ def _streamed(board: BoardUnderTest, nodes: list[int], targets: list[bytes], eac
         ahead_s = begin_s + (number - _QUEUED) * each_s - board.now_s()
         if ahead_s > 0.0:
             board.wait(ahead_s)
-    board.wait(begin_s + _MOTION.trajectory.duration_s + _SETTLING_S - board.now_s())
+    board.wait(begin_s + _PLAN.motion.duration_s + _SETTLING_S - board.now_s())
     return time.perf_counter() - began_s
 
 
@@ -150,5 +150,5 @@ def _carry_row(built: Path, each_ms: int) -> str:
     for name, *arguments in asked:
         loaded.calls[name](*arguments)
     alone_s = time.perf_counter() - began_s
-    rate, call_us = (_MOTION.trajectory.duration_s + _SETTLING_S) / wall_s, 1e6 * wall_s / len(asked)
+    rate, call_us = (_PLAN.motion.duration_s + _SETTLING_S) / wall_s, 1e6 * wall_s / len(asked)
     return f"{each_ms} ms|{wall_s:.2f}|{rate:.1f}|{len(asked)}|{call_us:.0f}|{alone_s:.3f}"

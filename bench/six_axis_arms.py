@@ -26,10 +26,10 @@ from steptwin.features.arms.six_axis_arm import SixAxisArm
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.processes import collect_seldom
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs.compiling import compile_program
 from steptwin.host.planning.programs.program_file import parse_program
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
 from steptwin.host.robots.kinematics.base import read_geometry
@@ -146,14 +146,14 @@ def programs_tables(kernels: Iterable[Kernel]) -> list[Table]:
     ]
 
 
-def _compiled(text: str) -> Trajectory:
-    return compile_program(parse_program(text, Findings()), load_robot(_ROBOT)).trajectory
+def _compiled(text: str) -> Motion:
+    return compile_program(parse_program(text, Findings()), load_robot(_ROBOT)).motion
 
 
 def _planning_row(name: str, text: str) -> str:
     robot, motion = load_robot(_ROBOT), _compiled(text)
     compile_s, plan_s = (median(_taken_s(make) for _ in range(ROUNDS)) for make in _ways(text))
-    both_s, duration_s = compile_s + plan_s, plan(robot, motion).trajectory.duration_s
+    both_s, duration_s = compile_s + plan_s, plan(robot, motion).motion.duration_s
     return f"{name}|{duration_s:.1f}|{compile_s:.2f}|{plan_s:.2f}|{both_s:.2f}|{1000 * both_s / duration_s:.2f}"
 
 

@@ -21,7 +21,7 @@ PLACE = re.compile(r"([\w.-]+/[\w./-]*|[\w-]+\.(?:py|toml|md)|Makefile)(?:: (\w+
 MEMBER = re.compile(r"([A-Z]\w+\.[a-z_]\w*)(?:\(.*\))?")
 """A member of a class, without its file: `Simulation.send`, `Machine.wait(dt_s)`."""
 MODULE = re.compile(r"steptwin(\.\w+)+")
-"""An import path: `steptwin.bench`, or a public name: `steptwin.Trajectory`."""
+"""An import path: `steptwin.bench`, or a public name: `steptwin.Motion`."""
 
 
 def code_spans(text: str) -> list[str]:

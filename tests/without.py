@@ -42,7 +42,7 @@ USES: Final = {
         "tests/host/cli/test_machine_options.py",
         "tests/host/operate/test_identity.py::test_every_live_command_can_be_forced",
         "tests/live/test_shadow.py",
-        "tests/live/test_tutorial_in_a_browser.py",
+        "tests/live/test_live_session_in_a_browser.py",
         "tests/package/test_public_names.py",
         "tests/test_rules.py::test_every_mutation_has_its_place",
     ),
@@ -50,6 +50,7 @@ USES: Final = {
         "tests/features/panel/page/test_motions.py::test_a_wrong_file_is_named_as_its_user_knows_it",
         "tests/features/panel/page/test_uploads.py",
         "tests/host/planning/programs/test_reading.py::test_everything_that_is_wrong_is_found_at_once",
+        "tests/host/planning/programs/test_schema.py::test_it_accepts_the_programs_of_the_page",
         "tests/host/planning/programs/test_schema.py::test_it_accepts_the_programs_that_come_along[compass]",
     ),
     "motors": (

@@ -2,10 +2,11 @@
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from types import FrameType
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.planning.trajectory import OutputChange, Trajectory
+from steptwin.host.planning.motion import JointLaw, Motion
 
 
 def function_calls(call: Callable[[], object]) -> int:
@@ -25,32 +26,16 @@ def function_calls(call: Callable[[], object]) -> int:
     return calls
 
 
-class CountingTrajectory:
-    """Count the instants at which a trajectory is evaluated; fulfils Trajectory.
+class CountingLaw(JointLaw):
+    """Count the instants at which a law is evaluated.
 
     Attributes:
         instants: number of instants at which positions or velocities were evaluated.
     """
 
-    def __init__(self, inner: Trajectory) -> None:
+    def __init__(self, inner: JointLaw) -> None:
         self._inner = inner
         self.instants = 0
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        return self._inner.joint_names
-
-    @property
-    def duration_s(self) -> float:
-        return self._inner.duration_s
-
-    @property
-    def breakpoints_s(self) -> tuple[float, ...]:
-        return self._inner.breakpoints_s
-
-    @property
-    def output_changes(self) -> tuple[OutputChange, ...]:
-        return self._inner.output_changes
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         self.instants += len(t_s)
@@ -59,3 +44,9 @@ class CountingTrajectory:
     def velocities(self, t_s: FloatArray) -> FloatArray:
         self.instants += len(t_s)
         return self._inner.velocities(t_s)
+
+
+def counting(motion: Motion) -> tuple[Motion, CountingLaw]:
+    """Return a motion, and its law, which counts."""
+    law = CountingLaw(motion.law)
+    return replace(motion, law=law), law

@@ -140,7 +140,7 @@ class StepErrors:
 
 def ideal_of(motion: PlannedMotion) -> tuple[IdealSteps, ...]:
     """Return the exact crossings of a motion for each axis."""
-    return ideal_steps(motion.trajectory, motion.steps_per_unit, motion.start_steps)
+    return ideal_steps(motion.exact, motion.steps_per_unit, motion.start_steps)
 
 
 def figures_of(
@@ -192,8 +192,8 @@ def _positions(motion: PlannedMotion, axis: int, t_s: FloatArray) -> FloatArray:
     chunk = 16_384
     parts = [np.empty(0)]
     for first in range(0, len(t_s), chunk):
-        within = np.minimum(t_s[first : first + chunk], motion.trajectory.duration_s)
-        parts.append(motion.trajectory.positions(within)[:, axis] * motion.steps_per_unit[axis])
+        within = np.minimum(t_s[first : first + chunk], motion.exact.duration_s)
+        parts.append(motion.exact.positions(within)[:, axis] * motion.steps_per_unit[axis])
     return np.concatenate(parts)
 
 

@@ -1,4 +1,4 @@
-"""Make the motions that every method is given: the records as sent over the wire, and the trajectory behind them.
+"""Make the motions that every method is given: the records as sent over the wire, and the motion behind them.
 
 Four are jobs of the robots. The fifth is a stress test: seven axes on sines of different frequencies, which all reach
 14 kHz and accelerate with up to 77 000 steps/s^2.
@@ -11,8 +11,8 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.motion import JointLaw, Motion
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.trajectory import OutputChange, Trajectory
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.host.robots.robot import Robot
@@ -39,8 +39,8 @@ class PlannedMotion:
 
     Attributes:
         name: its name in the tables.
-        trajectory: the exact motion, from which the ideal steps are computed.
-        steps_per_unit: steps per unit of the trajectory, shape (axes,).
+        exact: the motion itself, from which the ideal steps are computed.
+        steps_per_unit: steps per unit of the motion, shape (axes,).
         microsteps: microsteps per full step, shape (axes,).
         times_ms: times of the points from 0 to the end, shape (points,).
         points_units: positions in wire units, shape (axes, points).
@@ -49,7 +49,7 @@ class PlannedMotion:
     """
 
     name: str
-    trajectory: Trajectory
+    exact: Motion
     steps_per_unit: FloatArray
     microsteps: Int64Array
     times_ms: Int64Array
@@ -94,7 +94,7 @@ def motion_of_job(robot: Robot, job: str) -> PlannedMotion:
     microsteps = np.array([joint.transmission.microsteps for joint in robot.axes])
     return PlannedMotion(
         f"{robot.name} {job}",
-        made.trajectory,
+        made.motion,
         robot.steps_per_unit,
         microsteps,
         made.times_ms,
@@ -105,19 +105,12 @@ def motion_of_job(robot: Robot, job: str) -> PlannedMotion:
 
 
 @dataclass(frozen=True, slots=True)
-class Sines:
-    """A `Trajectory` of A (1 - cos wt) in steps: one axis for each number of cycles, all with the same peak rate."""
+class Sines(JointLaw):
+    """Positions A (1 - cos wt) in steps: an axis for each number of cycles, all with the same peak rate."""
 
     cycles: tuple[int, ...]
     peak_hz: float
     duration_s: float
-    breakpoints_s: tuple[float, ...] = ()
-    output_changes: tuple[OutputChange, ...] = ()
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the axes, by number."""
-        return tuple(f"axis {i}" for i in range(1, len(self.cycles) + 1))
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return positions in steps."""
@@ -134,19 +127,20 @@ class Sines:
         return 2 * np.pi * np.array(self.cycles) / self.duration_s
 
 
-def sines(name: str, motion: Sines, board: BoardSettings, point_ms: int = POINT_MS) -> PlannedMotion:
+def sines(name: str, law: Sines, board: BoardSettings, point_ms: int = POINT_MS) -> PlannedMotion:
     """Plan sines, rounded as the planner does."""
-    times_ms = np.arange(0, round(1000 * motion.duration_s) + 1, point_ms)
+    times_ms = np.arange(0, round(1000 * law.duration_s) + 1, point_ms)
     t_s = times_ms / 1000
-    velocities = np.round(motion.velocities(t_s) * UNITS_PER_STEP * VELOCITY_PER_UNIT_PER_MS / 1000)
-    axes = len(motion.cycles)
+    velocities = np.round(law.velocities(t_s) * UNITS_PER_STEP * VELOCITY_PER_UNIT_PER_MS / 1000)
+    axes = len(law.cycles)
+    names = tuple(f"axis {i}" for i in range(1, axes + 1))
     return PlannedMotion(
         name,
-        motion,
+        Motion(names, law.duration_s, law),
         np.ones(axes),
         np.full(axes, MICROSTEPS),
         times_ms,
-        np.floor(motion.positions(t_s).T * UNITS_PER_STEP + 0.5).astype(np.int64),
+        np.floor(law.positions(t_s).T * UNITS_PER_STEP + 0.5).astype(np.int64),
         np.ascontiguousarray(velocities.T).astype(np.int64),
         board,
     )
@@ -154,8 +148,8 @@ def sines(name: str, motion: Sines, board: BoardSettings, point_ms: int = POINT_
 
 def stress() -> PlannedMotion:
     """Return the stress test: seven axes up to 14 kHz, 1 to 7 cycles in 8 s, with the first robot's board."""
-    motion = Sines(tuple(range(1, AXES + 1)), STRESS_PEAK_HZ, STRESS_S)
-    return sines("seven axes, 14 kHz", motion, load_robot(JOBS[0][0]).board)
+    law = Sines(tuple(range(1, AXES + 1)), STRESS_PEAK_HZ, STRESS_S)
+    return sines("seven axes, 14 kHz", law, load_robot(JOBS[0][0]).board)
 
 
 def all_motions() -> list[PlannedMotion]:

@@ -1,16 +1,14 @@
 """Write the generated pages of docs/ again: `python -m docs.generate`."""
 
+from docs.generate.api_page import API_PAGE
 from docs.generate.command_line import COMMAND_LINE_PAGE, render_command_line
 from docs.generate.conform_page import CONFORM_PAGE
 from docs.generate.drawer_pull_film import write_drawer_pull_film
 from docs.generate.driver_page import DRIVER_PAGE, write_driver_pictures
-from docs.generate.gcode_page import GCODE_PAGE
 from docs.generate.machine_pages import (
     CONTROL_PORT_PAGE,
     FAULTS_PAGE,
-    MACHINE_PAGE,
     RUN_FOLDER_PAGE,
-    render_machine_options,
 )
 from docs.generate.motion_pictures import write_motion_pictures
 from docs.generate.paper_pages import write_papers
@@ -21,35 +19,34 @@ from docs.generate.pictures import (
     write_warehouse_picture,
     write_waveform_pictures,
 )
+from docs.generate.programs_page import PROGRAMS_PAGE
 from docs.generate.protocol import PROTOCOL_PAGE
 from docs.generate.robot_drawings import ROBOT_FILES_PAGE, write_robot_drawings
-from docs.generate.robots_page import PAGE, render_robots
 from docs.generate.runs import Runs
 
 
 def main() -> None:
-    """Write each page before its pictures: rendering docs/robots.md makes the runs that they show."""
+    """Write the pages and their pictures; each run is made once."""
+    API_PAGE.write()
     COMMAND_LINE_PAGE.write_text(render_command_line(), encoding="utf-8")
     CONFORM_PAGE.write()
     CONTROL_PORT_PAGE.write()
     DRIVER_PAGE.write()
     write_driver_pictures()
     FAULTS_PAGE.write()
-    GCODE_PAGE.write()
-    MACHINE_PAGE.write_text(render_machine_options(), encoding="utf-8")
+    PROGRAMS_PAGE.write()
     PROTOCOL_PAGE.write()
     ROBOT_FILES_PAGE.write()
     RUN_FOLDER_PAGE.write()
     write_robot_drawings()
     runs = Runs()
-    PAGE.write_text(render_robots(runs), encoding="utf-8")
+    write_papers(runs)
     write_pictures(runs)
     write_waveform_pictures(runs)
     write_calibration_picture()
     write_machine_pictures()
     write_motion_pictures()
     write_warehouse_picture()
-    write_papers()
     write_drawer_pull_film(runs)
 
 

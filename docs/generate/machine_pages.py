@@ -1,7 +1,7 @@
 """Render what pages say of the emulated machine and its runs.
 
 docs/faults.md has an example, all faults and their documented reactions, docs/control-port.md the requests,
-docs/machine-options.md the options on the command line and in Python, docs/run-folder.md the figures of reports.
+docs/robot-files.md the options on the command line and in Python, docs/run-folder.md the figures of reports.
 """
 
 import re
@@ -14,7 +14,7 @@ from docs.generate.markdown import table
 from docs.generate.paper_pages import PAPERS
 from steptwin.features.faults.judge import longest_ramp_ms
 from steptwin.features.faults.kinds import DOCUMENTED
-from steptwin.features.faults.reaction import Motion, Reaction
+from steptwin.features.faults.reaction import MotionEffect, Reaction
 from steptwin.features.faults.requests import INJECTED, REQUESTS, description, keys_of, sentence, usage
 from steptwin.host.common.choices import STATE
 from steptwin.host.common.features import giving
@@ -23,22 +23,6 @@ from steptwin.host.twin.machine.machine_options import SPELLING, MachineOptions
 from steptwin.host.verify.figures import axis_figures
 
 EXAMPLE: Final = DOCS / "examples" / "faults" / "carry.toml"
-MACHINE_PAGE: Final = DOCS / "machine-options.md"
-
-_NOTICE: Final = "<!-- Made by `make docs` from host/twin/machine/machine_options.py: change that. -->"
-_TEXT: Final = """# The emulated machine's options
-
-They say how an emulated machine differs from its robot's file, and what happens to it. Neither the plan nor the host is
-told. `steptwin run` and `steptwin serve` take them as `--machine KEY=VALUE`, and so does `steptwin replay`, but for a
-scenario and for motors. `execute`, `ServedBoard`, `BoardUnderTest` and `ServedBoardUnderTest` have them as keyword
-arguments ([api.md](api.md)), the marker `steptwin` of tests as well ([ci.md](ci.md))."""
-_REMARKS: Final = """\
-`-m` is short for `--machine`. `firmware`, `node` and `motors` are for served boards. `run` has its own option
-`--motors`: it lets the motors turn after the run, by its record, and `--motors=loop` as it goes. In Python `stand_at`
-may also list all joints, `crystal_ppm` may be one number for all boards. Motors that turn in real time need numba.
-
-The options of a feature are an object of a class of its own, in the list `extras`:
-`extras=[ShelfOptions(stock={"A1": "screws"})]`."""
 
 
 def _requests() -> str:
@@ -65,7 +49,7 @@ def _reactions() -> str:
 
 
 def _begins(reaction: Reaction) -> str:
-    if not reaction.stops or reaction.motion is Motion.NOT_BEGUN:
+    if not reaction.stops or reaction.motion is MotionEffect.NOT_BEGUN:
         return "-"
     return "whenever it comes to that" if isinf(reaction.begins_ms) else f"{reaction.begins_ms:g} ms"
 
@@ -131,8 +115,8 @@ RUN_FOLDER_PAGE: Final = GeneratedPage(
 )
 
 
-def render_machine_options() -> str:
-    """Return the whole page; it ends with a newline."""
+def machine_options() -> str:
+    """Return the table of the emulated machine's options, on the command line and in Python."""
     own = [_row(field, f"{field.name}={{}}") for field in fields(MachineOptions) if SPELLING in field.metadata]
     classes = [options() for _, options in giving("machine_options")]
     of_features = [
@@ -141,8 +125,7 @@ def render_machine_options() -> str:
         for field in fields(made)
         if SPELLING in field.metadata
     ]
-    options = table(["`--machine`", "in Python", ""], own + of_features, text_columns=3)
-    return f"{_NOTICE}\n\n{_TEXT}\n\n{options}\n\n{_REMARKS}\n"
+    return table(["`--machine`", "in Python", ""], own + of_features, text_columns=3)
 
 
 def _row(field: Field[Any], in_python: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""Draw the pictures of docs/motions.md, gcode.md, motors.md and shaping.md: corners, limits, torques, oscillations."""
+"""Draw the pictures of docs/motions.md, programs.md, motors.md and shaping.md: corners, limits, torques, swings."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -13,9 +13,9 @@ from steptwin.features.motors.limits import motor_limits
 from steptwin.features.motors.turning import motors_of_run
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.findings import Findings
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs import compile_program, parse_program, read_program
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.record.plots.canvas import COUNTED, LIMIT
 from steptwin.host.robots import load_robot, parse_robot
 from steptwin.host.robots.kinematics import make_kinematics
@@ -73,13 +73,13 @@ def write_motion_pictures() -> None:
     write_picture(DOCS / "pictures" / "shaping.png", _shaping)
 
 
-def _motions(program: str, variants: dict[str, tuple[str, str, str]], key: str) -> Iterator[tuple[str, Trajectory]]:
+def _motions(program: str, variants: dict[str, tuple[str, str, str]], key: str) -> Iterator[tuple[str, Motion]]:
     for label, (text, _, _) in variants.items():
         parsed = parse_program(program.format(**{key: text}), Findings())
-        yield label, compile_program(parsed, _ROBOT).trajectory
+        yield label, compile_program(parsed, _ROBOT).motion
 
 
-def _tool_mm(motion: Trajectory) -> tuple[FloatArray, FloatArray]:
+def _tool_mm(motion: Motion) -> tuple[FloatArray, FloatArray]:
     """Return each millisecond, and the tool there."""
     t_s = np.arange(round(1000 * motion.duration_s) + 1) / 1000
     return t_s, make_kinematics(_ROBOT).forward(motion.positions(t_s))[:, :3]
@@ -104,11 +104,11 @@ _LEFT_PERCENT: Final = (5, 10, 20, 30, 40, 50, 60, 70)
 _STRONGER: Final = "23HS22-2804S"
 
 
-def _swing(robot: Robot, left_percent: float | None) -> Trajectory:
+def _swing(robot: Robot, left_percent: float | None) -> Motion:
     """Return the page's swing of the laboratory's arm, within some percent of the motors' torque or by joints alone."""
     limits = "" if left_percent is None else f'[limits]\nfrom = "motors"\nleft_percent = {left_percent:g}'
     program = parse_program(_SWING.format(limits=limits), Findings())
-    return compile_program(program, robot, drives=motor_limits).trajectory
+    return compile_program(program, robot, drives=motor_limits).motion
 
 
 def _motors() -> Figure:
@@ -195,9 +195,9 @@ class Swing(NamedTuple):
         tables = (f'[shaping.{joint}]\nkind = "{kind}"\nfrom = "motors"' for joint in ("th2", "th3"))
         plain = load_robot(_LAB)
         robot = plain if kind == "unshaped" else parse_robot("\n".join([plain.toml, *tables]), kind)
-        planned = plan(robot, compile_program(parse_program(_STOP, Findings()), robot).trajectory)
+        planned = plan(robot, compile_program(parse_program(_STOP, Findings()), robot).motion)
         run = motors_of_run(robot, execute(planned, kind).comparison)
-        lasts_s = planned.trajectory.duration_s - 1.0
+        lasts_s = planned.motion.duration_s - 1.0
         after_s = run.paths.t_s - lasts_s
         after = (after_s >= 0.0) & (after_s < 1.0)
         off_mm = (run.paths.reached - run.paths.counted)[after, :2]
@@ -229,7 +229,7 @@ def _shaping() -> Figure:
 def _engraving() -> Figure:
     """Draw the page's engraving as the motion makes it, and a corner of it beside the lines of the file."""
     program = read_program(str(DOCS / "programs" / "engraving" / "compass.toml"))
-    tool_mm = _tool_mm(compile_program(program, _ROBOT).trajectory)[1]
+    tool_mm = _tool_mm(compile_program(program, _ROBOT).motion)[1]
     cuts = tool_mm[:, 2] < _PLATE_Z_MM
     figure = Figure(figsize=(10, 5.2), layout="constrained")
     figure.suptitle("compass.ngc: the tool from above, and a point of the star from nearby", x=0.01, ha="left")

@@ -1,4 +1,4 @@
-"""Draw the pictures of docs/robots.md: three for each run, small enough for a repository."""
+"""Draw the pictures of docs/papers: three for each run, small enough for a repository."""
 
 import re
 from functools import partial
@@ -11,7 +11,7 @@ from matplotlib.patches import Rectangle
 
 from docs.generate.commands import DOCS
 from docs.generate.drawing import write_motor_picture, write_picture, write_run_picture
-from docs.generate.robots_page import PICTURE_KINDS, picture
+from docs.generate.paper_pages import PAPERS, PICTURE_KINDS, picture, read_paper
 from docs.generate.runs import Runs
 from steptwin.features.calibration.identification import identify_errors
 from steptwin.features.calibration.measurements import simulate_measurements
@@ -22,9 +22,9 @@ from steptwin.features.shelf.section import Shelf
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs import compile_program, parse_program
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.record.plots import DEFAULT_VIEW, PlotView
 from steptwin.host.robots import MACHINES, load_robot, parse_robot
 from steptwin.host.robots.kinematics import make_kinematics
@@ -34,23 +34,21 @@ from steptwin.host.robots.new_file import robot_text, with_settings
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.execution import execute
 
-_DRAWN: Final = dict(zip(PICTURE_KINDS, ("tool-path", "joints", "error"), strict=True))
+_DRAWN: Final = dict(zip(PICTURE_KINDS, ("in-space", "joints", "error"), strict=True))
 """For each kind of picture on the page, its name in `steptwin.host.record.plots`."""
 
 
 def write_pictures(runs: Runs) -> None:
-    """Draw the pictures of every run that a page shows."""
-    for outcome in runs.made():
-        run = outcome.report.run
+    """Draw the pictures of each paper's experiment."""
+    for robot in PAPERS:
+        job = read_paper(robot).job
         for kind, name in _DRAWN.items():
-            path = DOCS / picture(run.robot, run.job, kind)
-            path.parent.mkdir(exist_ok=True)
-            write_run_picture(path, name, outcome)
+            write_run_picture(DOCS / picture(robot, job, kind), name, runs.outcome(robot, job))
 
 
 _MACHINE_PICTURES: Final = {
     "chain": ("path", "in-space"),
-    "cartesian": ("path", "tool-path"),
+    "cartesian": ("path", "in-space"),
     "axes": ("joints", "joints"),
 }
 """For each kind of machine the kind of its example's picture, and its name in `steptwin.host.record.plots`."""
@@ -67,7 +65,7 @@ def write_machine_picture(robot: Robot) -> None:
     kind, drawn = _MACHINE_PICTURES[robot.kinematics]
     example = f"docs/programs/{robot.name}.toml"
     program = parse_program((DOCS.parent / example).read_text(encoding="utf-8"), Findings())
-    outcome = execute(plan(robot, compile_program(program, robot).trajectory), example)
+    outcome = execute(plan(robot, compile_program(program, robot).motion), example)
     write_run_picture(DOCS / picture(robot.name, "example", kind), drawn, outcome)
     if robot.dynamics is not None:
         turned = motors_of_run(robot, outcome.comparison)
@@ -77,16 +75,16 @@ def write_machine_picture(robot: Robot) -> None:
 
 _KIND: Final = "calibration-scara"
 _NAME: Final = "my-arm"
-_ERRORS: Final = re.compile(r"^```toml\n(.*?)^```", re.MULTILINE | re.DOTALL)
+_ERRORS: Final = re.compile(r"^<!-- calibration -->\n```toml\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _MEASURE: Final = re.compile(r"--simulate (\d+) --noise-mm (\S+) --seed (\d+)")
 
 
 def write_calibration_picture() -> None:
     """Calibrate the page's arm by the measurements that the page's command simulates."""
-    page = (DOCS / "calibration.md").read_text(encoding="utf-8")
+    page = (DOCS / "machines.md").read_text(encoding="utf-8")
     errors, measure = _ERRORS.search(page), _MEASURE.search(page)
     if not (errors and measure):
-        raise ValueError("docs/calibration.md has no errors.toml, or no --simulate")
+        raise ValueError("docs/machines.md has no errors.toml, or no --simulate")
     text = robot_text(_NAME, _KIND, *with_settings(_KIND, {}))
     nominal, real = (parse_robot(each, _NAME) for each in (text, text + errors[1]))
     measured = simulate_measurements(real, int(measure[1]), float(measure[2]), int(measure[3]))
@@ -161,7 +159,7 @@ def _draw_boxes(axes: Axes, robot: Robot, shelf: Shelf, across: int, up: int) ->
         axes.annotate(name, (spot.lid_mm[across], spot.lid_mm[up] - 70.0), ha="center", va="top", fontsize=8)
 
 
-def _draw_motion(axes: Axes, robot: Robot, motion: Trajectory, across: int, up: int) -> None:
+def _draw_motion(axes: Axes, robot: Robot, motion: Motion, across: int, up: int) -> None:
     kinematics = make_kinematics(robot)
     poses = kinematics.forward(motion.positions(np.linspace(0.0, motion.duration_s, 4000)))
     axes.plot(poses[:, across], poses[:, up], color=_PATH, linewidth=1.2, label="tip of the tool")
@@ -189,5 +187,5 @@ def _arm_mm(robot: Robot, joints: FloatArray) -> list[FloatArray]:
     ]
 
 
-def _switched_s(motion: Trajectory, number: int) -> float:
+def _switched_s(motion: Motion, number: int) -> float:
     return motion.output_changes[number].from_s

@@ -13,6 +13,7 @@ from matplotlib.patches import Arc
 from docs.generate.arm_drawings import draw_arm_in_space
 from docs.generate.commands import DOCS, GeneratedPage
 from docs.generate.drawing import write_picture
+from docs.generate.machine_pages import machine_options
 from docs.generate.markdown import table
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots import load_robot, read_robot
@@ -248,6 +249,6 @@ def _text(value: object) -> str:
 
 ROBOT_FILES_PAGE: Final = GeneratedPage(
     "robot-files",
-    "the kinds' dimensions",
-    {"kinds": lambda _: "\n\n".join(map(_kind, kinds()))},
+    "the kinds' dimensions, and the options in host/twin/machine/machine_options.py and the features",
+    {"kinds": lambda _: "\n\n".join(map(_kind, kinds())), "machine_options": lambda _: machine_options()},
 )

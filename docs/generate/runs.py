@@ -1,7 +1,5 @@
 """Run the robots' jobs for the pages, each once."""
 
-from collections.abc import Iterator
-
 from steptwin.host.planning.jobs import job_extras, make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
@@ -25,7 +23,3 @@ class Runs:
             extras = job_extras(robot, job, {})
             self._outcomes[key] = execute(plan(robot, make_job(robot, job, {})), job, self._kernel, extras=extras)
         return self._outcomes[key]
-
-    def made(self) -> Iterator[Outcome]:
-        """Yield the outcomes that have been asked for."""
-        yield from self._outcomes.values()

@@ -1,17 +1,21 @@
 """Sphinx' settings for `make site`: the site is made of the repository's own pages, as they are.
 
 The source folder is the repository, so that links between pages, README and change log lead where they lead in the
-repository. Sphinx with MyST and furo is what cocotb, python-can and pymodbus use; it takes Markdown, checks every link,
-documents Python objects by their docstrings and asks no other host for anything (docs/site.md says more).
+repository. Sphinx with MyST and furo is what cocotb, python-can and pymodbus use. It takes Markdown and checks every
+link. No page asks another host for anything, so formulas are MathML, which browsers typeset themselves.
 """
 
 import re
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
+from docutils.nodes import Element, SkipNode
+from latex2mathml.converter import convert
 from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
+from sphinx.writers.html5 import HTML5Translator
 
 _ROOT: Final = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(_ROOT))
@@ -22,23 +26,23 @@ project = "StepTwin"
 author = "StepTwin contributors"
 copyright = author  # noqa: A001
 version = release = steptwin.__version__
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions = ["myst_parser", "sphinx_copybutton"]
 root_doc = "docs/index"
-include_patterns = ["*.md", "docs/*.md", "docs/papers/*.md", "docs/site/python.md"]
+include_patterns = ["*.md", "docs/*.md", "docs/papers/*.md"]
 
+myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 5
 highlight_language = "text"
 
-autodoc_typehints = "signature"
-autodoc_typehints_format = "short"
-autodoc_member_order = "bysource"
-autodoc_preserve_defaults = True
-napoleon_numpy_docstring = False
+copybutton_prompt_text = r"\d?\$ "
+copybutton_prompt_is_regexp = True
 
 html_theme = "furo"
 html_title = f"StepTwin {version}"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+html_favicon = "static/favicon.svg"
+html_math_renderer = "mathml"
 html_show_sourcelink = False
 html_copy_source = False
 
@@ -50,15 +54,12 @@ _FIRST_PAGE: Final = """<!doctype html>
 """Leads from the site's own address to its first page, whose address has the folder of the pages in it."""
 _FOLDER_LINK: Final = re.compile(r"(?<!!)\[([^\]]+)\]\(([^)#:]+)\)")
 _LISTED: Final = re.compile(r"^- .*?\]\(([^)]+\.md)\)", re.MULTILINE)
-_OF_THE_SITE_ALONE: Final = {"Reference": ["site/python.md"]}
-"""Pages of a section that only the site can make."""
 
 
 def _menu(section: str) -> str:
     """Return a section of docs/index.md with the pages that its list names as entries of the site's menu."""
     title, _, _ = section.partition("\n")
-    pages = [*_LISTED.findall(section), *_OF_THE_SITE_ALONE.get(title, ())]
-    entries = "\n".join(page.removesuffix(".md") for page in pages)
+    entries = "\n".join(page.removesuffix(".md") for page in _LISTED.findall(section))
     return f"## {section.rstrip()}\n\n```{{toctree}}\n:hidden:\n:caption: {title}\n\n{entries}\n```\n\n"
 
 
@@ -80,6 +81,14 @@ def _give_levels(_app: Sphinx, _page: str, _template: str, context: dict[str, An
     context["furo_navigation_tree"] = menu.replace('role="heading"', 'role="heading" aria-level="2"')
 
 
+def _put_formula(display: str) -> Callable[[HTML5Translator, Element], None]:
+    def put(page: HTML5Translator, node: Element) -> None:
+        page.body.append(convert(node.astext(), display=display))
+        raise SkipNode
+
+    return put
+
+
 def _write_first_page(app: Sphinx, failure: Exception | None) -> None:
     if failure is None:
         (Path(app.outdir) / "index.html").write_text(_FIRST_PAGE, encoding="utf-8")
@@ -88,6 +97,7 @@ def _write_first_page(app: Sphinx, failure: Exception | None) -> None:
 def setup(app: Sphinx) -> None:
     """Register what is done beside Sphinx' own work."""
     app.add_lexer("csv", TextLexer)
+    app.add_html_math_renderer("mathml", (_put_formula("inline"), None), (_put_formula("block"), None))
     app.connect("source-read", _read)
     app.connect("html-page-context", _give_levels, priority=900)  # after the theme's own
     app.connect("build-finished", _write_first_page)

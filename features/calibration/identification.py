@@ -57,15 +57,26 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Identification:
-    """The result of a calibration."""
+    """The result of a calibration.
 
-    chain: Chain  # with the errors found
+    Attributes:
+        chain: chain with the errors found.
+        measurements: measurements that it was found from.
+        parameters: all parameters of the chain, from the world to the tool, each with `name`, `before`, `found`,
+            `deviation` (None if it was not identified) and `acts_as`.
+        before_mm: measured positions minus those by the old chain, shape (n, 3).
+        after_mm: measured positions minus those by the new chain, shape (n, 3).
+        condition: condition number of the identified parameters' derivatives, per mm and per degree.
+        noise_mm: standard deviation of a measured coordinate, from the residuals.
+    """
+
+    chain: Chain
     measurements: Measurements
-    parameters: tuple[Parameter, ...]  # all of the chain, from the world to the tool
-    before_mm: FloatArray  # shape (n, 3), measured position minus position by the old chain
-    after_mm: FloatArray  # shape (n, 3), measured position minus position by the new chain
-    condition: float  # condition number of the identified parameters' derivatives, per mm and per degree
-    noise_mm: float  # standard deviation of a measured coordinate, from the residuals
+    parameters: tuple[Parameter, ...]
+    before_mm: FloatArray
+    after_mm: FloatArray
+    condition: float
+    noise_mm: float
 
     @property
     def rank(self) -> int:

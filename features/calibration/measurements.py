@@ -32,12 +32,19 @@ NOISE_MAX_MM: Final = 10.0  # largest noise of a useful measuring device
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measurements:
-    """Measured positions of the tool."""
+    """Measured positions of the tool.
 
-    joints: FloatArray  # shape (n, joints), in mm and degrees
-    positions_mm: FloatArray  # shape (n, 3), positions of the tool
-    lines: tuple[int, ...]  # line numbers in the file; from 1 for other measurements
-    repeats: int = 0  # further lines of the file at a repeated pose
+    Attributes:
+        joints: joint positions in mm and degrees, shape (n, joints).
+        positions_mm: positions of the tool, shape (n, 3).
+        lines: line numbers in the file; from 1 for measurements without a file.
+        repeats: number of further lines of the file at a repeated pose.
+    """
+
+    joints: FloatArray
+    positions_mm: FloatArray
+    lines: tuple[int, ...]
+    repeats: int = 0
 
     @classmethod
     def of(cls, joints: FloatArray, positions_mm: FloatArray) -> Self:

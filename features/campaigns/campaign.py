@@ -30,12 +30,12 @@ from steptwin.host.common.findings import Findings, UnreadError, judged
 from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import toml_table
 from steptwin.host.planning.jobs import job_fields, make_job
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan, plan_stretched
 from steptwin.host.planning.programs import SUFFIX as PROGRAM_SUFFIX
 from steptwin.host.planning.programs import compile_program, read_program
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.planning.trajectory_file import SUFFIXES, is_trajectory_file, read_trajectory
 from steptwin.host.robots import SUFFIX as ROBOT_SUFFIX
 from steptwin.host.robots import load_robot, load_robot_file
@@ -148,8 +148,8 @@ class Weighted(FileTable):
 
 Stream = Callable[[str], Random]
 """Returns the generator of a quantity by its name."""
-Drawing = tuple[dict[str, Any], Trajectory]
-"""The drawn values of a motion, and its trajectory."""
+Drawing = tuple[dict[str, Any], Motion]
+"""The drawn values of a motion, and the motion itself."""
 
 
 class DrawnMotion(Weighted, ABC):
@@ -241,17 +241,17 @@ class RandomMoves(DrawnMotion):
 
 @dataclass(frozen=True, slots=True)
 class CampaignMotion(DrawnMotion):
-    """A motion of a trajectory file or a program: its trajectory for each robot that makes it, by the robot's name."""
+    """A motion of a trajectory file or a program: the motion for each robot that makes it, by the robot's name."""
 
     file: str
-    trajectories: Mapping[str, Trajectory]
+    by_robot: Mapping[str, Motion]
 
     def __str__(self) -> str:
         return self.file
 
     def drawn_for(self, name: str, robot: Robot, stream: Stream) -> Drawing:
         del robot, stream
-        return {}, self.trajectories[name]
+        return {}, self.by_robot[name]
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,21 +268,21 @@ class MotionOfFile(Weighted):
     def made_of(cls, values: dict[str, Any], reading: FileReading) -> CampaignMotion:
         """Return the motion; raise InputError for what is wrong in its file."""
         table: MotionOfFile = super(MotionOfFile, cls).made_of(values, reading)
-        trajectories, path = dict[str, Trajectory](), reading.known.path(table.file)
+        by_robot, path = dict[str, Motion](), reading.known.path(table.file)
         for name in table.robots:
             robot = _robots(reading)[name]
             with prefixed(f"{robot.name}: "):
                 if is_trajectory_file(table.file):
-                    trajectories[name] = read_trajectory(path, robot)
+                    by_robot[name] = read_trajectory(path, robot)
                 elif table.file.endswith(PROGRAM_SUFFIX):
-                    trajectories[name] = compile_program(read_program(path), robot, drives=motor_limits).trajectory
+                    by_robot[name] = compile_program(read_program(path), robot, drives=motor_limits).motion
                 else:
                     endings = f"a trajectory ({', '.join(SUFFIXES)}) nor a program ({PROGRAM_SUFFIX})"
                     raise InputError(f"file: {table.file} is neither {endings}")
-        return CampaignMotion(table.file, trajectories, robots=table.robots, weight=table.weight)
+        return CampaignMotion(table.file, by_robot, robots=table.robots, weight=table.weight)
 
 
-def random_moves(robot: Robot, moves: int, reach: float, random: Random) -> Trajectory:
+def random_moves(robot: Robot, moves: int, reach: float, random: Random) -> Motion:
     """Return moves of all joints around the robot's home, each within `reach` of the joints' ranges; raise InputError.
 
     A position that the robot cannot reach is drawn again, half as far.

@@ -19,6 +19,8 @@ from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.record.plots.canvas import COUNTED, LIMIT, WIDTH_INCHES, save_figure
 
 _ROW_INCHES: Final = 0.28
+_RATES_MAX: Final = 5
+"""Largest number of rates drawn of each group; the report lists all."""
 _MARGIN_INCHES: Final = 1.7
 _BINS: Final = 24
 _POINTS_MAX: Final = 5000
@@ -87,11 +89,11 @@ def _shown(rows: Iterable[Row]) -> list[str]:
 
 
 def _draw_rates(summary: Summary, title: str) -> Figure:
-    """Draw a point with its interval for all runs, each robot, motion, scenario and invariant."""
+    """Draw a point with its interval for all runs, and for the least certain robots, motions, scenarios, invariants."""
     groups: list[tuple[str, Mapping[str, PassRate]]] = [
         ("", {"all runs": summary.all}),
-        *summary.groups.items(),
-        ("invariants", summary.invariants),
+        *((_titled(what, rates), _least_certain(rates)) for what, rates in summary.groups.items()),
+        (_titled("invariants", summary.invariants), _least_certain(summary.invariants)),
     ]
     rows = sum(len(rates) for _, rates in groups)
     figure = Figure(figsize=(WIDTH_INCHES, 1.4 + _ROW_INCHES * (rows + len(groups))), layout="constrained")
@@ -104,6 +106,15 @@ def _draw_rates(summary: Summary, title: str) -> Figure:
         _draw_group(axes, what, rates, lowest)
     grid[-1, 0].set_xlabel("part of the runs")
     return figure
+
+
+def _least_certain(rates: Mapping[str, PassRate]) -> Mapping[str, PassRate]:
+    """Return the rates whose intervals begin lowest, the lowest first."""
+    return dict(sorted(rates.items(), key=lambda item: item[1].interval[0])[:_RATES_MAX])
+
+
+def _titled(what: str, rates: Mapping[str, PassRate]) -> str:
+    return what if len(rates) <= _RATES_MAX else f"{what}: the {_RATES_MAX} least certain of {len(rates)}"
 
 
 def _draw_group(axes: Axes, what: str, rates: Mapping[str, PassRate], lowest: float) -> None:

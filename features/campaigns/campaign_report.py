@@ -161,7 +161,7 @@ def smallest_scenario(campaign: Campaign, cause: Cause, folder: Path, tried: Cal
     table = {"name": trial.scenario, "seed": trial.scenario_seed} | placed(smallest, trial.plan())
     head = [
         f"# {cause.text}",
-        f"# Runs that failed so: {cause.runs}. The first: {trial.robot_name}, {trial.motion}, seed {trial.seed}.",
+        f"# Runs that failed so: {cause.runs}. The first: {trial.robot_name}, {trial.motion_name}, seed {trial.seed}.",
         "# It is made again by",
         f"# steptwin campaign rerun {folder} {trial.seed} --out out/run-{trial.seed}",
         "# The same with this smallest scenario found: add --faults and this file's name.",

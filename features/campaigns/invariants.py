@@ -9,7 +9,7 @@ import numpy as np
 
 from steptwin.features.campaigns.margins import Performance
 from steptwin.features.campaigns.row import Breach, Ended
-from steptwin.features.faults.reaction import Motion
+from steptwin.features.faults.reaction import MotionEffect
 from steptwin.host.client.words import RAN_DRY
 from steptwin.host.common.arrays import Int8Array, Int64Array
 from steptwin.host.verify import AxisEvidence
@@ -44,7 +44,7 @@ def _knowable(run: Performance) -> bool:
 
 def _kept_current(run: Performance) -> bool:
     """Return whether nothing has happened that may move a motor off its steps."""
-    return not any(fault.reaction is not None and fault.reaction.motion is Motion.CUT for fault in run.faults)
+    return not any(fault.reaction is not None and fault.reaction.motion is MotionEffect.CUT for fault in run.faults)
 
 
 def _silent_loss(run: Performance) -> Iterator[tuple[str, str]]:

@@ -61,7 +61,7 @@ def run_trial(trial: Trial) -> Row:
 def _row(trial: Trial, ended: Ended, message: str) -> Row:
     """Return a row with the drawn values and the end of a run."""
     parameters, choices = split_parameters(trial.parameters)
-    own = (trial.seed, trial.robot_name, trial.motion, trial.scenario)
+    own = (trial.seed, trial.robot_name, trial.motion_name, trial.scenario)
     return Row(*own, ended, message, parameters=parameters, choices=choices)
 
 
@@ -78,7 +78,7 @@ def perform(trial: Trial) -> Performance:
     try:
         outcome = execute(
             plan,
-            trial.motion,
+            trial.motion_name,
             _kernel(),
             driver_profile=trial.setup.driver_profile,
             extras=[FaultOptions(scenario=scenario), MotorOptions(motors=trial.motors is MotorsTurn.IN_LOOP)],

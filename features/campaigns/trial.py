@@ -19,9 +19,9 @@ from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.checks import TooFastError
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan_stretched
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.reader import read_robot
 from steptwin.host.robots.robot import Robot
@@ -42,13 +42,13 @@ class Trial:
     Attributes:
         seed: its seed.
         robot_name: the robot's name in the campaign.
-        motion: its motion's name.
+        motion_name: its motion's name.
         options: drawn options of the motion, by name.
         scenario: its scenario's name.
         table: the scenario's table; instants may be fractions of the motion.
         varied: value of each varied parameter.
         setup: the varied robot and the settings of the run.
-        trajectory: the motion.
+        motion: the motion.
         slowable: True if it may be slower than drawn.
         recover: True to recover the machine afterwards.
         motors: when its motors turn; None: never.
@@ -56,13 +56,13 @@ class Trial:
 
     seed: int
     robot_name: str
-    motion: str
+    motion_name: str
     options: Mapping[str, Any]
     scenario: str
     table: Mapping[str, Any]
     varied: Mapping[str, Any]
     setup: Setup
-    trajectory: Trajectory = field(repr=False)
+    motion: Motion = field(repr=False)
     slowable: bool = False
     recover: bool = True
     motors: MotorsTurn | None = None
@@ -74,11 +74,11 @@ class Trial:
         """
         robot, stretch, record_ms = self.setup.robot, self.setup.stretch, self.setup.record_ms
         try:
-            return plan_stretched(robot, self.trajectory, stretch, record_ms)
+            return plan_stretched(robot, self.motion, stretch, record_ms)
         except TooFastError:
             if not self.slowable:
                 raise
-            return plan_stretched(robot, self.trajectory, None, record_ms)
+            return plan_stretched(robot, self.motion, None, record_ms)
 
     def scenario_in(self, plan: Plan) -> Scenario | None:
         """Return the scenario for a planned motion; None without a fault.
@@ -109,7 +109,7 @@ class Trial:
         """All drawn values, by a name with their place."""
         return {
             **self.varied,
-            **{f"{self.motion}.{name}": value for name, value in self.options.items()},
+            **{f"{self.motion_name}.{name}": value for name, value in self.options.items()},
             **dict(_leaves(self.scenario, self.table)),
         }
 
@@ -118,27 +118,27 @@ def draw(campaign: Campaign, seed: int) -> Trial:
     """Draw the run of a seed; raise InputError, with the part of the campaign, if it is impossible."""
     name = _stream(seed, "robot").choice(list(campaign.robots))
     robot = campaign.robots[name]
-    motion = _weighted([each for each in campaign.motion if name in each.robots], _stream(seed, "motion"))
+    chosen = _weighted([each for each in campaign.motion if name in each.robots], _stream(seed, "motion"))
     scenario = _weighted([each for each in campaign.scenario if name in each.robots], _stream(seed, "scenario"))
     varied = {
         parameter: drawn(template, _stream(seed, f"vary.{parameter}"), robot)
         for parameter, template in {**campaign.vary, **scenario.vary}.items()
     }
     setup = set_up(robot, varied)
-    with prefixed(f"{motion}: "):
-        options, trajectory = motion.drawn_for(name, robot, partial(_stream, seed))
+    with prefixed(f"{chosen}: "):
+        options, motion = chosen.drawn_for(name, robot, partial(_stream, seed))
     table = drawn(scenario.table, _stream(seed, f"scenario.{scenario.name}"), robot)
     return Trial(
         seed=seed,
         robot_name=name,
-        motion=str(motion),
+        motion_name=str(chosen),
         options=options,
         scenario=scenario.name,
         table=table,
         varied=varied,
         setup=setup,
-        trajectory=trajectory,
-        slowable=isinstance(motion, RandomMoves),
+        motion=motion,
+        slowable=isinstance(chosen, RandomMoves),
         recover=campaign.recover,
         motors=scenario.motors,
     )

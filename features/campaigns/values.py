@@ -72,13 +72,13 @@ def placed(value: Any, plan: Plan, *, joint: str | None = None) -> Any:
     if isinstance(value, list):
         return [placed(item, plan) for item in value]
     if isinstance(value, AtPart):
-        return round(value.part * plan.trajectory.duration_s, 4)
+        return round(value.part * plan.motion.duration_s, 4)
     if isinstance(value, PlannedAt):
         if joint is None:
             raise InputError("on_the_way: needs the joint beside it, under the key joint")
         known("joint", joint, plan.robot.joint_names)
-        at_s = np.array([value.part * plan.trajectory.duration_s])
-        return round(float(plan.trajectory.positions(at_s)[0, plan.robot.index_of(joint)]), 4)
+        at_s = np.array([value.part * plan.motion.duration_s])
+        return round(float(plan.motion.positions(at_s)[0, plan.robot.index_of(joint)]), 4)
     return value
 
 

@@ -10,8 +10,8 @@ from steptwin.features.motors.turning.ramps import with_managed_ramps
 from steptwin.host.common.bad_input import known, outside, prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import number_at
+from steptwin.host.planning.motion import DEFAULT_POINT_MS
 from steptwin.host.planning.motions.stretched import STRETCH_MAX
-from steptwin.host.planning.trajectory import DEFAULT_POINT_MS
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.boards import check_axes_per_board, check_crystals

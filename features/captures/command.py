@@ -130,15 +130,15 @@ def _verify_capture(answer: AnswerOptions, options: CaptureOptions, plan: Path |
 
     begun_s, judge = perf_counter(), options.judge()
     with _naming():
-        robot, job, motion = _planned(options, plan)
-        if motion is None:
+        robot, job, planned = _planned(options, plan)
+        if planned is None:
             return _tell_alone(answer, options, robot, judge)
         folder = None if options.out is None else run_folder(options.out)
         run = judge_capture(
             read_capture(options.capture or "", options.rate),
             robot,
             job,
-            motion.trajectory,
+            planned.motion,
             judge,
             wall_s=perf_counter() - begun_s,
         )
@@ -146,7 +146,7 @@ def _verify_capture(answer: AnswerOptions, options: CaptureOptions, plan: Path |
     if options.driver_profile == _ALL:
         document["drivers"] = _by_driver(robot, run.capture, run.signals, run.clock)
     if folder is not None:
-        document = _keep(answer, folder, document, motion, run)
+        document = _keep(answer, folder, document, planned, run)
     answer.tell(document, lambda: _print_run(document))
     for hint in run.hints:
         warn(hint)
@@ -172,10 +172,10 @@ def _verify_path(answer: AnswerOptions, options: CaptureOptions, path: Path) -> 
         raise InputError(f"--both-edges: {rule.name} steps at one edge of STEP; at both may {able}")
     judge = options.judge()
     with _naming():
-        robot, job, motion = _planned(options, path, "--path")
-        assert motion is not None
+        robot, job, planned = _planned(options, path, "--path")
+        assert planned is not None
         capture = read_capture(options.capture or "", options.rate)
-        run = judge_by_path(capture, robot, motion.trajectory, judge, rule, both_edges=options.both_edges)
+        run = judge_by_path(capture, robot, planned.motion, judge, rule, both_edges=options.both_edges)
     document = run.to_dict() | {"driver_profile": judge.driver_profile or robot.board.profile.name}
     if options.driver_profile == _ALL and not options.both_edges:
         document["drivers"] = _by_driver(robot, run.alone.capture, run.alone.signals, run.alone.clock)
@@ -252,14 +252,14 @@ def _by_driver(
 
 
 def _keep(
-    answer: AnswerOptions, folder: Path, document: dict[str, Any], motion: "Plan", run: "CapturedRun"
+    answer: AnswerOptions, folder: Path, document: dict[str, Any], planned: "Plan", run: "CapturedRun"
 ) -> dict[str, Any]:
     """Write the folder of a run; return the document with its version."""
     from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, write_folder
     from steptwin.host.record.folder.writing import can_draw, draw_pictures
 
     document = document | {VERSION_KEY: FOLDER_VERSION}
-    write_folder(folder, document, motion, run.comparison.evidence, ())
+    write_folder(folder, document, planned, run.comparison.evidence, ())
     if pictures := can_draw():
         draw_pictures(folder)
     answer.add_files(

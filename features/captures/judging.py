@@ -17,7 +17,7 @@ from steptwin.features.captures.channel_map import AxisSignals, ChannelMap, wire
 from steptwin.features.captures.drivers_seen import ONE_CLOCK, Reading, Seen, at_active_edges, drivers_of, see
 from steptwin.features.captures.limits_read import Kept, LimitAnswer
 from steptwin.host.common.arrays import Int8Array, Int64Array
-from steptwin.host.planning.trajectory import DerivedTrajectory, OutputChange, Trajectory
+from steptwin.host.planning.motion import Motion
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import (
     BusReport,
@@ -62,16 +62,6 @@ class CaptureJudge:
     clock_ppm: float = CLOCK_PPM
     driver_profile: str | None = None
     currents: bool = False
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class OutputsLeftOut(DerivedTrajectory):
-    """A motion whose outputs nobody has recorded."""
-
-    @property
-    def output_changes(self) -> tuple[OutputChange, ...]:
-        """None."""
-        return ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -248,7 +238,7 @@ def _facts(
 
 
 def judge_capture(
-    capture: Capture, robot: Robot, job: str, motion: Trajectory, judge: CaptureJudge, wall_s: float = 0.0
+    capture: Capture, robot: Robot, job: str, motion: Motion, judge: CaptureJudge, wall_s: float = 0.0
 ) -> CapturedRun:
     """Judge a capture beside the motion that the controller should have made.
 
@@ -258,7 +248,7 @@ def judge_capture(
     drivers = drivers_of(robot, judge.driver_profile)
     signals, wiring = wired(capture, robot.axis_names, judge.maps, judge.glitch_s)
     capture = replace(capture, channels=())  # the signals have what is needed, and captures are long
-    motion = OutputsLeftOut(motion)
+    motion = replace(motion, output_changes=(), waits=())  # nobody has recorded them
     expected = Expectation.of(robot, motion)
     planned = [expected.axis_position(axis, np.zeros(1))[0] for axis in range(len(robot.axis_names))]
     at_zero = tuple(round(float(position)) for position in planned)

@@ -65,12 +65,12 @@ class MotorPath:
         joints = self.joints_at(place)
         if self.distance_mm is not None:
             return self.expected.task.words(np.round(self.expected.forward(joints[np.newaxis])[0], 3) + 0.0)
-        units = zip(self.expected.trajectory.joint_names, joints.tolist(), self.expected.joint_units, strict=True)
+        units = zip(self.expected.motion.joint_names, joints.tolist(), self.expected.joint_units, strict=True)
         return ", ".join(f"{name} {round(value, 3) + 0.0:g} {unit}" for name, value, unit in units)
 
     def to_dict(self, places: tuple[float, float]) -> dict[str, Any]:
         """Return two places for JSON."""
-        names, (begin, end) = self.expected.trajectory.joint_names, places
+        names, (begin, end) = self.expected.motion.joint_names, places
         return {
             "from_mm": self.mm_at(begin),
             "until_mm": self.mm_at(end),
@@ -81,7 +81,7 @@ class MotorPath:
 
 def motor_path(expected: Expectation) -> MotorPath:
     """Return the path of a plan."""
-    motion = expected.trajectory
+    motion = expected.motion
     count = round(motion.duration_s * _SAMPLES_PER_S) + 1
     parts = []
     for begin in range(0, count, _AT_ONCE):

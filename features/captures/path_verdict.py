@@ -20,7 +20,7 @@ from steptwin.features.captures.path_sentences import HIDDEN, Named, sentence, w
 from steptwin.features.captures.path_walk import Events, events_of
 from steptwin.features.captures.step_rules import ESTIMATES, Rest, StepRule
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.planning.motion import Motion
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import Expectation
 
@@ -171,7 +171,7 @@ class PathRun:
 def judge_by_path(
     capture: Capture,
     robot: Robot,
-    motion: Trajectory,
+    motion: Motion,
     judge: CaptureJudge,
     rule: StepRule | None,
     *,

@@ -24,12 +24,12 @@ from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.planning_time import check_planning_time, in_planning_time
 from steptwin.host.planning.drives import DriveLimits
-from steptwin.host.planning.motions.composer import Sequence, Standstill
+from steptwin.host.planning.motion import REST_TOLERANCE, Motion
+from steptwin.host.planning.motions.composer import Sequence, Standstill, sequence, standstill
 from steptwin.host.planning.motions.joint_move import JointMove
 from steptwin.host.planning.motions.tool_move import ToolMove
 from steptwin.host.planning.motions.whole import FASTEST, CornerError, Pace
 from steptwin.host.planning.peaks import check_length
-from steptwin.host.planning.trajectory import REST_TOLERANCE, Trajectory, expected_of, states, waits_of
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
@@ -48,7 +48,7 @@ _KINK_COS: Final = cos(radians(30.0))
 
 
 @in_planning_time()
-def fastest_again(robot: Robot, motion: Trajectory, drives: DriveLimits | None = None) -> Sequence:
+def fastest_again(robot: Robot, motion: Motion, drives: DriveLimits | None = None) -> Motion:
     """Return a motion along a motion's path, in its own time: as fast as the limits of joints and axes allow.
 
     With `drives`, such as `motor_limits` returns, it is as fast as the motors manage within these limits.
@@ -66,16 +66,15 @@ def fastest_again(robot: Robot, motion: Trajectory, drives: DriveLimits | None =
     for part in _parts(motion):
         check_planning_time()
         made.take(part)
-    return Sequence(
+    return sequence(
         motion.joint_names,
-        tuple(made.parts),
-        tuple(made.starts_ms),
+        made.parts,
         tuple(
             replace(change, from_s=made.new_s(change.from_s), until_s=made.new_s(change.until_s))
             for change in motion.output_changes
         ),
-        tuple(replace(wait, at_s=made.new_s(wait.at_s)) for wait in waits_of(motion)),
-        expected_of(motion),
+        tuple(replace(wait, at_s=made.new_s(wait.at_s)) for wait in motion.waits),
+        motion.expects,
     )
 
 
@@ -92,13 +91,13 @@ class _Made:
     """
 
     robot: Robot
-    motion: Trajectory
+    motion: Motion
     drives: DriveLimits | None
-    parts: list[Trajectory] = field(default_factory=list)
+    parts: list[Motion] = field(default_factory=list)
     starts_ms: list[int] = field(default_factory=lambda: [0])
     old_ms: list[int] = field(default_factory=lambda: [0])
 
-    def take(self, part: Trajectory) -> None:
+    def take(self, part: Motion) -> None:
         """Add a part of the motion itself, in its new time."""
         until_ms = self.old_ms[-1] + whole_ms("the duration", part.duration_s)
         new = list(self._timed(part))
@@ -113,22 +112,21 @@ class _Made:
         i = min(int(np.searchsorted(self.old_ms, 1000 * t_s + 1e-6, side="right")) - 1, last)
         return self.starts_ms[i] / 1000 + min(t_s - self.old_ms[i] / 1000, self.parts[i].duration_s)
 
-    def _timed(self, part: Trajectory) -> Iterator[Trajectory]:
-        match part:
+    def _timed(self, part: Motion) -> Iterator[Motion]:
+        match part.law:
             case Standstill():
                 yield part
-            case JointMove():
-                start, goal = np.array(part.start), np.array(part.goal)
-                yield from self._leg(JointLeg(self.robot, start, goal, Pace()))
-            case ToolMove():
+            case JointMove(start, goal):
+                yield from self._leg(JointLeg(self.robot, np.array(start), np.array(goal), Pace()))
+            case ToolMove(path=path, branch=branch, law=law):
                 times_s = np.linspace(0.0, part.duration_s, 1 + round(1000 * part.duration_s))
-                pace = Pace(tool_mm_s=float(np.abs(part.law.velocity(times_s)).max()))
+                pace = Pace(tool_mm_s=float(np.abs(law.velocity(times_s)).max()))
                 start = part.positions(np.zeros(1))[0]
-                yield from self._leg(ToolLeg(FollowedPath.along(self.robot, part.path, part.branch, start), pace))
+                yield from self._leg(ToolLeg(FollowedPath.along(self.robot, path, branch, start), pace))
             case _:
                 yield from self._curve(part)
 
-    def _leg(self, leg: MotionLeg) -> Iterator[Trajectory]:
+    def _leg(self, leg: MotionLeg) -> Iterator[Motion]:
         drives = None if self.drives is None else ChainDrives(self.drives, self._is_held)
         try:
             chains = timed_chains(self.robot, [leg], [], self.starts_ms[-1], drives=drives)
@@ -145,23 +143,23 @@ class _Made:
         own = [each.on for each in before if each.output == held_by]
         return not held_by or (bool(own) and own[-1])
 
-    def _along(self, path: PiecewisePath, from_ms: int) -> Trajectory:
+    def _along(self, path: PiecewisePath, from_ms: int) -> Motion:
         if self.drives is None:
             return timed(self.robot, path, machine_average_s(self.robot, path.rates()), from_ms).motion
         return driven(self.robot, path, self.drives, PathLoad(self._is_held), from_ms).motion
 
-    def _curve(self, part: Trajectory) -> Iterator[Trajectory]:
+    def _curve(self, part: Motion) -> Iterator[Motion]:
         """Yield the stretches of a motion between its stops."""
         end_ms = round(1000 * part.duration_s)
         t_s = np.unique(np.concatenate([np.arange(end_ms + 1) / 1000, part.breakpoints_s]))
-        positions, velocities = states(part, t_s)
+        positions, velocities = part.states(t_s)
         steps = self.robot.to_steps(positions)
         from_ms = self.starts_ms[-1]
         for begin, end in pairwise(_stops(steps, velocities)):
             own = slice(begin, end + 1)
             if np.abs(np.diff(steps[own], axis=0)).max() < _MOVED_STEPS:
                 stands_s = round(float(t_s[end] - t_s[begin]), 3)
-                new: Trajectory = Standstill(part.joint_names, tuple(positions[begin].tolist()), stands_s)
+                new = standstill(part.joint_names, tuple(positions[begin].tolist()), stands_s)
             else:
                 path = PiecewisePath(self.robot, (_piece(self.robot, positions[own], steps[own]),))
                 new = self._along(path, from_ms)
@@ -169,13 +167,13 @@ class _Made:
             from_ms += round(1000 * new.duration_s)
 
 
-def _parts(motion: Trajectory) -> tuple[Trajectory, ...]:
+def _parts(motion: Motion) -> tuple[Motion, ...]:
     """Return the parts of a sequence that begin and end at rest; otherwise the motion as one."""
-    if not isinstance(motion, Sequence):
+    if not isinstance(motion.law, Sequence):
         return (motion,)
-    seams_s = np.array(motion.starts_ms[1:-1]) / 1000
+    seams_s = np.array(motion.law.starts_ms[1:-1]) / 1000
     at_rest = (np.abs(motion.velocities(seams_s)) <= REST_TOLERANCE).all()
-    return tuple(inner for part in motion.parts for inner in _parts(part)) if at_rest else (motion,)
+    return tuple(inner for part in motion.law.parts for inner in _parts(part)) if at_rest else (motion,)
 
 
 def _stops(steps: FloatArray, velocities: FloatArray) -> list[int]:

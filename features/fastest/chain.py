@@ -66,7 +66,7 @@ def driven(
             drives = drives_along(limits, rates, load)
         own = drives.smoother(smoother)
         found = timed(robot, path, own.average_s, from_ms, own)
-        trial = own.tried(found.motion, found.law.at(found.motion.curve.x)[0])
+        trial = own.tried(found.motion, found.law.at(found.motion.knots_s)[0])
         if not trial.refused:
             return replace(found, drives=replace(trial.answer, tries=number))
         refused = f"{trial.refused} in a motion that leaves {trial.answer.left_percent:.0f} % of the torque"

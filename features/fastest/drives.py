@@ -12,7 +12,8 @@ from steptwin.features.fastest.rows import Rows
 from steptwin.features.fastest.shaper import Shaper
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.planning.drives import DriveAnswer
-from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.motion import Motion
+from steptwin.host.planning.motions.sampled import Spline
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,13 +86,13 @@ class DrivesOnPath(Protocol):
         """
         ...
 
-    def used(self, motion: Sampled, s: FloatArray) -> FloatArray:
-        """Return how much of its torque each drive uses on the motion's cubics, shape (records, axes); 1: all it may.
+    def used(self, cubics: Spline, s: FloatArray) -> FloatArray:
+        """Return how much of its torque each drive uses on cubics, shape (records, axes); 1: all it may.
 
         `s`, of shape (records + 1,), are the places where they begin and end.
         """
         ...
 
-    def tried(self, motion: Sampled, s: FloatArray) -> DriveTrial:
+    def tried(self, motion: Motion, s: FloatArray) -> DriveTrial:
         """Turn the rotors by the motion, and by a faster one."""
         ...

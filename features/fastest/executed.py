@@ -22,9 +22,9 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.planning.drives import DriveAnswer
 from steptwin.host.planning.laws import SCurve
-from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.motion import DEFAULT_POINT_MS, Motion
+from steptwin.host.planning.motions.sampled import Spline, along_cubics
 from steptwin.host.planning.peaks import check_length
-from steptwin.host.planning.trajectory import DEFAULT_POINT_MS
 from steptwin.host.robots.robot import Robot
 
 
@@ -59,7 +59,7 @@ class TimedPath:
         drives: what the drives say of it; None where only the joints limit it.
     """
 
-    motion: Sampled
+    motion: Motion
     law: Averaged
     highest: float
     drives: DriveAnswer | None = None
@@ -124,7 +124,7 @@ def timed(
     if drives is None:
         timing = _with_better_start(timing)
     tried = timing.passed()
-    return TimedPath(tried.motion, tried.law, float(tried.highest.max()))
+    return TimedPath(along_cubics(robot.joint_names, tried.cubics), tried.law, float(tried.highest.max()))
 
 
 def _with_better_start(timing: "_Timing") -> "_Timing":
@@ -178,7 +178,7 @@ class _Tried(NamedTuple):
     """What a pass has made; `highest` is the largest part of a limit that each run uses, of shape (runs,)."""
 
     law: Averaged
-    motion: Sampled
+    cubics: Spline
     squares: FloatArray
     use: "_Use"
     torques: FloatArray
@@ -265,12 +265,12 @@ class _Timing:
         squares = self.torques.fastest(self.rows, self.caps)
         law = self._law(squares)
         check_length("the motion", round(1000 * law.duration_s))
-        motion = self._cubics(law)
-        use = _Use.of(robot, self.path, law, motion, self.asked, places)
-        torques = self.torques.used(motion, law)
+        cubics = self._cubics(law)
+        use = _Use.of(robot, self.path, law, cubics, self.asked, places)
+        torques = self.torques.used(cubics, law)
         each = np.maximum(use.highest, torques.max(axis=1, initial=0.0))
         firsts = np.searchsorted(use.ends_s, law.begins_s[:-1])
-        return _Tried(law, motion, squares, use, torques, np.maximum.reduceat(each, firsts))
+        return _Tried(law, cubics, squares, use, torques, np.maximum.reduceat(each, firsts))
 
     def _law(self, squares: FloatArray) -> Averaged:
         """Return the path's parameter by time for squares of its speed; straight runs have their S-curves."""
@@ -284,7 +284,7 @@ class _Timing:
         s, squares = (np.concatenate(each) for each in zip(*parts, strict=True))
         return Averaged.of(s, squares, average_s, self.slower, self.stops)
 
-    def _cubics(self, law: Averaged) -> Sampled:
+    def _cubics(self, law: Averaged) -> Spline:
         """Return the cubics through the path at knots of whole milliseconds, as close to it as OFF_STEPS.
 
         Where the jerk of S-curves jumps, there is a knot: so they are exact.
@@ -316,7 +316,7 @@ class _Timing:
                 off |= (np.maximum(*map(np.abs, steep)) > near).any(axis=1)
             split = off & (last_ms[:, 0] >= 2 * _RECORD_MS_MIN)
             if not split.any():
-                return Sampled.hermite(robot.joint_names, knots_ms / 1000, joints, velocities)
+                return Spline.hermite(knots_ms / 1000, joints, velocities)
             at = unseen[split] + 1
             knots_ms = np.insert(knots_ms, at, middles_ms[split])
             joints, velocities = (
@@ -396,12 +396,12 @@ class _Torques:
         """What shapes a motion so that the arm does not swing on its drives."""
         return NO_SHAPER if self.drives is None else self.drives.shaper
 
-    def used(self, motion: Sampled, law: Averaged) -> FloatArray:
+    def used(self, cubics: Spline, law: Averaged) -> FloatArray:
         """Return the part of its torque that each drive uses, shape (records, axes)."""
-        times_s = np.asarray(motion.curve.x)
+        times_s = cubics.knots_s
         if self.drives is None:
             return np.zeros((len(times_s) - 1, 0))
-        return self.drives.used(motion, law.at(times_s)[0]) / _TORQUE_SLACK
+        return self.drives.used(cubics, law.at(times_s)[0]) / _TORQUE_SLACK
 
     def lower(self, used: FloatArray, begins: Int64Array, ends: Int64Array) -> None:
         """Lower what drives may add around the records that use too much."""
@@ -419,11 +419,11 @@ class _Use:
 
     @classmethod
     def of(
-        cls, robot: Robot, path: LimitedPath, law: Averaged, motion: Sampled, asked: PathLimits, places: FloatArray
+        cls, robot: Robot, path: LimitedPath, law: Averaged, cubics: Spline, asked: PathLimits, places: FloatArray
     ) -> "_Use":
-        times_s = np.asarray(motion.curve.x)
+        times_s = cubics.knots_s
         dt_s = np.diff(times_s)[:, np.newaxis]
-        positions, velocities = (with_axes(robot, of(times_s)) for of in (motion.positions, motion.velocities))
+        positions, velocities = (with_axes(robot, of(times_s)) for of in (cubics.positions, cubics.velocities))
         begin, end = velocities[:-1], velocities[1:]
         chord = np.diff(positions, axis=0) / dt_s
         first, last = _end_accelerations(dt_s, chord, begin, end)

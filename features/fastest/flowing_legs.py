@@ -13,12 +13,12 @@ from steptwin.features.fastest.drives import LoadChange
 from steptwin.features.fastest.pieces import FollowedPath
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.drives import DriveLimits
-from steptwin.host.planning.motions.composer import Composer, Sequence
-from steptwin.host.planning.motions.held import TimeSpan
+from steptwin.host.planning.motion import Motion
+from steptwin.host.planning.motions.composer import Composer
+from steptwin.host.planning.motions.held import time_span
 from steptwin.host.planning.paths import ToolPath
 from steptwin.host.planning.programs.flow import LATE_S, BranchesOnWay, LegTime, switch_on_way
 from steptwin.host.planning.programs.paces import OnTheWay, StepPace, ToolPace
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
 
 
@@ -93,7 +93,7 @@ class FlowingLegs:
             leg, outputs = self.legs[part.first + i], self.outputs[part.first + i]
             there_s = [law.time_at(flow.s_of(i, each.place_mm(leg.length))) for each in outputs]
             changes = switch_on_way(composer, outputs, there_s, begins_s)
-            own = TimeSpan(motion, from_s, until_s)
+            own = time_span(motion, from_s, until_s)
             corner = flow.corners[i] if i < len(flow.corners) else None
             passed = None if corner is None or corner.stops else corner.passes_mm
             at_end = stops if corner is None else corner.stops
@@ -120,7 +120,7 @@ def _load_change(each: OnTheWay, leg: MotionLeg) -> LoadChange:
 class FastestTimer:
     """Times motions as a whole, as fast as the limits allow; implements MotionTimer."""
 
-    def again(self, robot: Robot, motion: Trajectory, drives: DriveLimits | None = None) -> Sequence:
+    def again(self, robot: Robot, motion: Motion, drives: DriveLimits | None = None) -> Motion:
         """Return a motion along a motion's path, in its own time; raise InputError if there is none."""
         return fastest_again(robot, motion, drives)
 

@@ -11,7 +11,7 @@ from steptwin.features.faults.engine import Emergency, Engine, Played
 from steptwin.features.faults.fault import Fault
 from steptwin.features.faults.kinds.bus import BusFault
 from steptwin.features.faults.moment import AxisMoment, Moment, moment_of
-from steptwin.features.faults.reaction import HOST_NOTICES_MS, TICK_MS, Motion, Reaction
+from steptwin.features.faults.reaction import HOST_NOTICES_MS, TICK_MS, MotionEffect, Reaction
 from steptwin.features.faults.report import FaultReport, JointAnswer, ReportedError, ScenarioReport
 from steptwin.features.faults.requests import request_of
 from steptwin.features.faults.triggers import AtTime
@@ -39,7 +39,7 @@ def standstill_limit_ms(robot: Robot, fault: Fault, reaction: Reaction, began: M
     speeds, which may rise for a tick. Axes on other boards are stopped by the host.
     """
     axes = fault.concerned(began.boards)
-    if reaction.motion is Motion.CUT and len(axes) == len(began.axes):
+    if reaction.motion is MotionEffect.CUT and len(axes) == len(began.axes):
         return reaction.begins_ms
     if reaction.begins_ms <= TICK_MS and began.several_boards and len(axes) < len(began.axes):
         return HOST_NOTICES_MS + longest_ramp_ms(robot)
@@ -228,7 +228,7 @@ class _Judgement:
                 for name, joint in self.joints.items()
                 if joint.lost_steps and joint.position_known
             ]
-        if reaction.motion is Motion.NOT_BEGUN and reaction.certain and self._engine.start_counts is not None:
+        if reaction.motion is MotionEffect.NOT_BEGUN and reaction.certain and self._engine.start_counts is not None:
             found.append("the motion began")
         return found
 
@@ -271,6 +271,6 @@ class _Judgement:
         if reaction.state is not None and joint.state is not reaction.state and not switched_off:
             found.append(f"{name}: in {state_text(joint.state)}, not in {state_text(reaction.state)}")
         fast = abs(before.velocity) * 1_000_000 > before.deceleration * 64  # it cannot have stopped within 1 ms
-        if reaction.motion is Motion.CUT and fast and joint.position_known:
+        if reaction.motion is MotionEffect.CUT and fast and joint.position_known:
             found.append(f"{name}: was cut off in motion and claims to know its position")
         return found

@@ -33,7 +33,7 @@ DEAF_BOARD_MS: Final = 1000 * REPLY_TIMEOUT_S + HOST_NOTICES_MS
 """Time until a host has stopped the axes that have started without the others."""
 
 
-class Motion(Enum):
+class MotionEffect(Enum):
     """Effect of a fault on the motion."""
 
     GOES_ON = "goes on"
@@ -59,7 +59,7 @@ class Reaction:
         ValueError: a state is given although the motion goes on.
     """
 
-    motion: Motion
+    motion: MotionEffect
     codes: tuple[ErrorCode, ...] = ()
     state: State | None = None
     begins_ms: float = 0.0
@@ -68,13 +68,13 @@ class Reaction:
     others: tuple[ErrorCode, ...] = ()
 
     def __post_init__(self) -> None:
-        if self.motion is Motion.GOES_ON and self.state is not None:
+        if self.motion is MotionEffect.GOES_ON and self.state is not None:
             raise ValueError("state: is for a motion that ends; at the end of one that goes on the drives are off")
 
     @property
     def stops(self) -> bool:
         """True if the motion ends."""
-        return self.motion is not Motion.GOES_ON
+        return self.motion is not MotionEffect.GOES_ON
 
     @property
     def may_stop(self) -> bool:
@@ -84,11 +84,13 @@ class Reaction:
     @property
     def position_known(self) -> bool:
         """True if moved axes know their positions afterwards."""
-        return self.motion is not Motion.CUT
+        return self.motion is not MotionEffect.CUT
 
 
-GOES_ON: Final = Reaction(Motion.GOES_ON)
-UNKNOWABLE: Final = Reaction(Motion.RAMP, (ErrorCode.LIMIT_SWITCH,), State.FAULT, inf, certain=False, verified=False)
+GOES_ON: Final = Reaction(MotionEffect.GOES_ON)
+UNKNOWABLE: Final = Reaction(
+    MotionEffect.RAMP, (ErrorCode.LIMIT_SWITCH,), State.FAULT, inf, certain=False, verified=False
+)
 """A motor is away from its drive's position; nothing reports that but a limit switch."""
 RUN_DRY: Final = (ErrorCode.PVT_UNDERRUN, ErrorCode.GROUP_STOPPED)
 """Error codes of queues that run dry: an axis at rest is stopped with moving ones."""
@@ -97,7 +99,7 @@ HOST_LOST: Final = (ErrorCode.HEARTBEAT_LOST, *RUN_DRY)
 
 
 def stops(
-    *codes: ErrorCode, motion: Motion = Motion.RAMP, begins_ms: float = TICK_MS, certain: bool = True
+    *codes: ErrorCode, motion: MotionEffect = MotionEffect.RAMP, begins_ms: float = TICK_MS, certain: bool = True
 ) -> Reaction:
     """Return a reaction that stops the axes; they report one of these codes."""
     return Reaction(motion, codes, State.FAULT, begins_ms, certain)

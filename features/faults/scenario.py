@@ -17,7 +17,7 @@ from pydantic_core import CoreSchema, core_schema
 from steptwin.features.faults.fault import Fault
 from steptwin.features.faults.kinds import FAULTS
 from steptwin.features.faults.kinds.host import HostFault
-from steptwin.features.faults.reaction import Motion, Reaction
+from steptwin.features.faults.reaction import MotionEffect, Reaction
 from steptwin.features.faults.requests import by_name, fault_of, model_of, read_as, read_fault_table, whole_number
 from steptwin.features.faults.triggers import AtTime, DriveState, Time, Trigger, TriggerKeys
 from steptwin.host.common.bad_input import prefixed
@@ -116,7 +116,7 @@ SEED_MAX: Final = (1 << 31) - 1
 class ExpectedKeys(FileTable):
     """An expected reaction other than the documented one."""
 
-    motion: Annotated[Motion, by_name({each.name.lower().replace("_", "-"): each for each in Motion})]
+    motion: Annotated[MotionEffect, by_name({each.name.lower().replace("_", "-"): each for each in MotionEffect})]
     codes: Annotated[tuple[ErrorCode, ...], read_as(_codes, {"type": "array", "items": {"type": "integer"}})] = ()
     state: DriveState | None = None
     within_ms: NotNegative = 0.0

@@ -16,7 +16,7 @@ class GcodeOptions:
     dialect: Dialect | None = option(
         "NAME",
         "Controller for which a file of G-code is written: klipper, marlin, grbl, grblhal or linuxcnc. Without it, only"
-        " words that are the same for all of them are read (docs/gcode.md).",
+        " words that are the same for all of them are read (docs/programs.md).",
     )
 
     def keys(self, file: str) -> Mapping[str, str]:

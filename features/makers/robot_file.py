@@ -38,7 +38,7 @@ _NEEDED: Final = {
 _OF_AXES: Final = (*_NEEDED, "microsteps", "full_steps_per_rev")
 """Figures of an axis that a setting of the same name replaces."""
 _COUPLING: Final = """\
-[coupling] # rows are axes (motors with their belts), columns joints: both belts move both slides (docs/coupling.md)
+[coupling] # rows are axes (motors with their belts), columns joints: both belts move both slides (docs/robot-files.md)
 X = { X = 1.0, Y = 1.0 }
 Y = { X = -1.0, Y = 1.0 } # turned round where the controller has X - Y: each motor alone moves its slide forward
 """

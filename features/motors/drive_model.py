@@ -13,8 +13,8 @@ from steptwin.features.motors.limits import motor_forecast, motor_limits
 from steptwin.host.common.errors import StepTwinError
 from steptwin.host.common.planning_time import PlanningTimeError, check_planning_time, in_planning_time, plan_within
 from steptwin.host.planning.drives import DriveLimits
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.plan import PLANNED_PERCENT, HighestSpeed, Plan
-from steptwin.host.planning.trajectory import DerivedTrajectory, Trajectory
 from steptwin.host.robots.robot import Robot
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def limits(robot: Robot, left_percent: float) -> DriveLimits:
     return motor_limits(robot, left_percent)
 
 
-def forecast(robot: Robot, motion: Trajectory) -> str | None:
+def forecast(robot: Robot, motion: Motion) -> str | None:
     """Return a warning if a robot's rotors will or may slip; None if not."""
     return motor_forecast(robot, motion)
 
@@ -62,7 +62,7 @@ def _held_speed(plan: Plan, percent: int) -> HighestSpeed:
     def progress(_: float) -> None:
         check_planning_time()
 
-    alone = replace(plan, trajectory=DerivedTrajectory(plan.trajectory))  # without its waits
+    alone = replace(plan, motion=replace(plan.motion, waits=()))
     ran = execute(alone, "", fastest_kernel(), progress=progress)
     if ran.fault is not None:
         return HighestSpeed(PLANNED_PERCENT, f"its motors: a run beforehand fails: {ran.fault}")

@@ -173,8 +173,8 @@ class RosBridge:
         if known:
             self._channel.send(self._names.joint_states(robot, known))
         if stream is not None and follow is not None and self._goal is not None and len(known) == len(robot.joints):
-            at_s = min(stream.trajectory_s, follow.plan.trajectory.duration_s)
-            desired = follow.plan.trajectory.positions(np.array([at_s]))[0]
+            at_s = min(stream.trajectory_s, follow.plan.motion.duration_s)
+            desired = follow.plan.motion.positions(np.array([at_s]))[0]
             actual = np.array(list(known.values()))
             self._channel.send(self._names.feedback(self._goal.goal_id, robot, at_s, desired, actual))
 
@@ -241,7 +241,7 @@ class RosBridge:
     def _tend(self, goal: ActiveGoal, follow: FollowGoal, stream: Stream) -> None:
         """Process messages until the trajectory ends."""
         machine, late_max_s = self._session.machine, follow.late_max_s
-        began_s, lasts_s = machine.now_s(), follow.plan.trajectory.duration_s
+        began_s, lasts_s = machine.now_s(), follow.plan.motion.duration_s
         while not stream.ended:
             machine.wait(POLL_S)
             self._publish(stream, follow)

@@ -118,7 +118,7 @@ class FollowGoal:
 
     def missed(self, joints: list[float]) -> str | None:
         """Return a line about the joint farthest beyond its tolerance; None if all are within."""
-        robot, end = self.plan.robot, self.plan.trajectory.positions(np.array([self.plan.trajectory.duration_s]))[0]
+        robot, end = self.plan.robot, self.plan.motion.positions(np.array([self.plan.motion.duration_s]))[0]
         away = np.abs(np.array(joints) - end)
         beyond = away - self.end_tolerances
         worst = int(np.argmax(beyond))
@@ -153,7 +153,7 @@ def follow_goal(robot: Robot, args: object, standing: list[float]) -> FollowGoal
         begun = _begun_at(robot, points.in_units(FileUnits.named("rad,m"), robot), standing)
         joint_points = begun.joint_points(robot)
         joint_points.check_within(robot)
-        motion = FileMotion.of(robot, joint_points, None, 0.0).trajectory
+        motion = FileMotion.of(robot, joint_points, None, 0.0).whole
         late_max_s = _seconds(goal.values.get("goal_time_tolerance"), "goal_time_tolerance")
         return FollowGoal(plan(robot, motion), end_tolerances, late_max_s or None)
     except RefusedGoalError:
@@ -178,8 +178,8 @@ def _check_names(robot: Robot, points: Points) -> None:
 
 def _check_stamp(goal: Table) -> None:
     """Reject a start at a time of ROS' clock, which is unknown here; MoveIt sends none."""
-    trajectory = goal.values.get("trajectory")
-    header = trajectory.get("header") if isinstance(trajectory, dict) else None
+    points = goal.values.get("trajectory")
+    header = points.get("header") if isinstance(points, dict) else None
     stamp = header.get("stamp") if isinstance(header, dict) else None
     if _seconds(stamp, "header.stamp"):
         raise RefusedGoalError(

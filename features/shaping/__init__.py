@@ -9,7 +9,7 @@ from steptwin.host.common.features import Feature
 
 if TYPE_CHECKING:
     from steptwin.host.common.features import ChangedMotion
-    from steptwin.host.planning.trajectory import Trajectory
+    from steptwin.host.planning.motion import Motion
     from steptwin.host.robots.robot import Robot
 
 NAME: Final = "shaping"
@@ -21,7 +21,7 @@ def _section() -> Any:
     return SHAPING_TABLE
 
 
-def _change_motion(robot: "Robot", motion: "Trajectory") -> "ChangedMotion | None":
+def _change_motion(robot: "Robot", motion: "Motion") -> "ChangedMotion | None":
     if NAME not in robot.sections:
         return None
     from steptwin.features.shaping.shaped_motion import shaped

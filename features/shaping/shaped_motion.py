@@ -8,7 +8,7 @@ speed changes, the tool leaves its path, by about half the acceleration times th
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from itertools import pairwise
 from math import ceil
@@ -23,17 +23,8 @@ from steptwin.host.common.arrays import BoolArray, FloatArray, Int64Array
 from steptwin.host.common.features import ChangedMotion
 from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.planning.checks import BEYOND_STEPS
-from steptwin.host.planning.motions.sampled import Sampled
-from steptwin.host.planning.trajectory import (
-    DEFAULT_POINT_MS,
-    REST_TOLERANCE,
-    Trajectory,
-    Wait,
-    expected_of,
-    smooth_breakpoints_ms,
-    states,
-    waits_of,
-)
+from steptwin.host.planning.motion import DEFAULT_POINT_MS, REST_TOLERANCE, Motion
+from steptwin.host.planning.motions.sampled import Spline, along_cubics
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import tool_places_mm
 from steptwin.host.robots.robot import Robot
@@ -45,22 +36,18 @@ _SAME_PLACE: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ShapedMotion(Sampled):
-    """A shaped motion: cubics between points at which it is exactly the sum of the delayed parts.
+class ShapedCubics(Spline):
+    """Cubics between points at which a shaped motion is exactly the sum of the delayed parts.
 
     Attributes:
         end: joint positions at the end, exactly those of the motion that was shaped.
-        waits: waits for inputs.
-        expects: expected results for features, by key.
     """
 
-    end: tuple[float, ...] = ()
-    waits: tuple[Wait, ...] = ()
-    expects: Mapping[str, Any] = field(default_factory=dict)
+    end: tuple[float, ...]
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return joint positions, of shape (n, joints)."""
-        return np.where(t_s[:, np.newaxis] >= self.duration_s, np.array(self.end), self.curve(t_s))
+        return np.where(t_s[:, np.newaxis] >= self.knots_s[-1], np.array(self.end), self.curve(t_s))
 
 
 class JointDelays(NamedTuple):
@@ -127,7 +114,7 @@ _MODEL_PLACES: Final = 9
 """Number of places of a motion at which the motors' model gives the joints' frequencies."""
 
 
-def oscillations_of(robot: Robot, motion: Trajectory) -> dict[str, Oscillation]:
+def oscillations_of(robot: Robot, motion: Motion) -> dict[str, Oscillation]:
     """Return the oscillations of the shaped joints: those of the robot file, or of the motors' model in this motion."""
     joints = _shaping(robot).joints
     found: dict[str, Oscillation] = {}
@@ -155,10 +142,10 @@ class _ShapedRun(NamedTuple):
     moves: bool
 
 
-def _runs(motion: Trajectory, longest_ms: int) -> list[_ShapedRun]:
+def _runs(motion: Motion, longest_ms: int) -> list[_ShapedRun]:
     """Return the runs of a motion; one that moves lasts longer by the longest delay."""
     changes_s = [t_s for each in motion.output_changes if not each.on_the_way for t_s in (each.from_s, each.until_s)]
-    waits_s = [wait.at_s for wait in waits_of(motion)]
+    waits_s = [wait.at_s for wait in motion.waits]
     end_ms = round(1000 * motion.duration_s)
     inner_s = np.array([*motion.breakpoints_s, *changes_s, *waits_s])
     inner_ms = np.unique(np.rint(1000.0 * inner_s).astype(np.int64))
@@ -166,7 +153,7 @@ def _runs(motion: Trajectory, longest_ms: int) -> list[_ShapedRun]:
     rests_ms = [0, *inner_ms[_at_rest(motion.velocities(inner_ms / 1000))].tolist(), end_ms]
     runs, from_ms = list[_ShapedRun](), 0
     for begin_ms, end_ms in pairwise(rests_ms):
-        positions, velocities = states(motion, np.arange(begin_ms, end_ms + 1) / 1000)
+        positions, velocities = motion.states(np.arange(begin_ms, end_ms + 1) / 1000)
         moves = not _at_rest(velocities).all() or bool((np.ptp(positions, axis=0) > _SAME_PLACE).any())
         runs.append(_ShapedRun(begin_ms, end_ms, from_ms, moves))
         from_ms += end_ms - begin_ms + (longest_ms if moves else 0)
@@ -178,7 +165,7 @@ def _at_rest(velocities: FloatArray) -> BoolArray:
     return np.asarray((np.abs(velocities) <= REST_TOLERANCE).all(axis=1))
 
 
-def shaped(robot: Robot, motion: Trajectory) -> ChangedMotion | None:
+def shaped(robot: Robot, motion: Motion) -> ChangedMotion | None:
     """Return a motion shaped; None for one that does not start and end at rest or is not finite, which is refused."""
     ends = np.array([0.0, motion.duration_s])
     if not _at_rest(motion.velocities(ends)).all() or not np.isfinite(motion.positions(ends)).all():
@@ -190,7 +177,6 @@ def shaped(robot: Robot, motion: Trajectory) -> ChangedMotion | None:
     made = _through_points(robot, motion, runs, delays)
     made = replace(
         made,
-        end=tuple(motion.positions(ends[1:])[0].tolist()),
         output_changes=tuple(
             replace(
                 each,
@@ -199,8 +185,8 @@ def shaped(robot: Robot, motion: Trajectory) -> ChangedMotion | None:
             )
             for each in motion.output_changes
         ),
-        waits=tuple(replace(wait, at_s=later_s(wait.at_s)) for wait in waits_of(motion)),
-        expects=expected_of(motion),
+        waits=tuple(replace(wait, at_s=later_s(wait.at_s)) for wait in motion.waits),
+        expects=motion.expects,
     )
     return ChangedMotion(made, later_s, partial(described, robot, motion, made, runs, oscillations, delays))
 
@@ -216,17 +202,17 @@ def _later_s(runs: Sequence[_ShapedRun], delays: JointDelays, t_s: float) -> flo
     return ceil(run.from_ms + late_ms + mean_ms - 1e-6) / 1000
 
 
-def _through_points(robot: Robot, motion: Trajectory, runs: Sequence[_ShapedRun], delays: JointDelays) -> ShapedMotion:
+def _through_points(robot: Robot, motion: Motion, runs: Sequence[_ShapedRun], delays: JointDelays) -> Motion:
     """Return the cubics through as few points as the shaped motion takes."""
     inner_ms = np.rint(1000.0 * np.array(motion.breakpoints_s)).astype(np.int64)
-    is_jump = ~np.isin(inner_ms, list(smooth_breakpoints_ms(motion)))
+    is_jump = ~np.isin(inner_ms, list(motion.smooth_ms))
     times_ms, positions, velocities = [np.zeros(1, np.int64)], list[FloatArray](), list[FloatArray]()
     for run in runs:
         lasts_ms = run.end_ms - run.begin_ms
-        at, moved = states(motion, np.array([run.begin_ms, run.end_ms]) / 1000)
+        at, moved = motion.states(np.array([run.begin_ms, run.end_ms]) / 1000)
         knots_ms, moved = np.array([0, lasts_ms]), np.zeros_like(moved)
         if run.moves:
-            q, v = states(motion, np.arange(run.begin_ms, run.end_ms + 1) / 1000)
+            q, v = motion.states(np.arange(run.begin_ms, run.end_ms + 1) / 1000)
             q, v = delays.applied(q, q[0], q[-1]), delays.applied(v, 0.0 * v[0], 0.0 * v[-1])
             inside = (inner_ms > run.begin_ms) & (inner_ms < run.end_ms)
             jumps_ms, smooth_ms = (inner_ms[inside & kind] - run.begin_ms for kind in (is_jump, ~is_jump))
@@ -240,9 +226,9 @@ def _through_points(robot: Robot, motion: Trajectory, runs: Sequence[_ShapedRun]
         positions.append(at[1:] if positions else at)
         velocities.append(moved[1:] if velocities else moved)
         check_planning_time()
-    return ShapedMotion.hermite(
-        motion.joint_names, np.concatenate(times_ms) / 1000, np.vstack(positions), np.vstack(velocities)
-    )
+    curve = Spline.hermite(np.concatenate(times_ms) / 1000, np.vstack(positions), np.vstack(velocities)).curve
+    end = motion.positions(np.array([motion.duration_s]))[0]
+    return along_cubics(motion.joint_names, ShapedCubics(curve, tuple(end.tolist())))
 
 
 def _knots(
@@ -258,7 +244,7 @@ def _knots(
     axis_limits = zip(robot.axis_speeds_max.tolist(), robot.axis_accelerations_max.tolist(), strict=True)
     speeds, accelerations = (1.0 + _ROUNDING) * np.array([*joint_limits, *axis_limits]).T
     while True:
-        curve = Sampled.hermite((), knots_ms / 1000, positions[knots_ms], velocities[knots_ms])
+        curve = Spline.hermite(knots_ms / 1000, positions[knots_ms], velocities[knots_ms])
         off = np.abs(robot.to_steps(curve.positions(t_s) - positions)).max(axis=1) > BEYOND_STEPS
         own = curve.velocities(t_s)
         own = np.concatenate([own, robot.coupling.to_axes(own)], axis=1)
@@ -278,8 +264,8 @@ def _knots(
 
 def described(
     robot: Robot,
-    motion: Trajectory,
-    made: ShapedMotion,
+    motion: Motion,
+    made: Motion,
     runs: Sequence[_ShapedRun],
     oscillations: Mapping[str, Oscillation],
     delays: JointDelays,
@@ -294,7 +280,7 @@ def described(
 
 
 def _off_path_mm(
-    robot: Robot, motion: Trajectory, made: ShapedMotion, runs: Sequence[_ShapedRun], delays: JointDelays
+    robot: Robot, motion: Motion, made: Motion, runs: Sequence[_ShapedRun], delays: JointDelays
 ) -> Iterator[float]:
     """Yield for each run that moves how far the shaped tool is at most from the path of the tool."""
     tool_at = partial(tool_places_mm, make_kinematics(robot))

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from steptwin.features.shelf.section import Shelf
     from steptwin.host.common.tables import Table
     from steptwin.host.planning.jobs.job import Job
-    from steptwin.host.planning.trajectory import Trajectory
+    from steptwin.host.planning.motion import Motion
     from steptwin.host.robots.robot import Robot
 
 NAME: Final = "shelf"
@@ -107,12 +107,12 @@ def _part(
     return shelf_part(robot, joints, axes_per_board, options, waits_for)
 
 
-def _expected(robot: "Robot", trajectory: "Trajectory", options: "ShelfOptions | None") -> "PlannedStock | None":
+def _expected(robot: "Robot", motion: "Motion", options: "ShelfOptions | None") -> "PlannedStock | None":
     if shelf_of(robot) is None:
         return None
     from steptwin.features.shelf.errand import expected
 
-    return expected(robot, trajectory, options)
+    return expected(robot, motion, options)
 
 
 def _judge() -> FeatureJudge:

@@ -10,7 +10,7 @@ from steptwin.features.shelf.options import ShelfOptions
 from steptwin.features.shelf.section import Shelf
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import job_intent
-from steptwin.host.planning.trajectory import Trajectory, expected_of
+from steptwin.host.planning.motion import Motion
 from steptwin.host.robots.robot import Robot
 
 A_BOX: Final = "box"
@@ -105,10 +105,10 @@ def carries_of(intent: Any) -> tuple[Carry, ...]:
     return intent if isinstance(intent, tuple) and all(isinstance(each, Carry) for each in intent) else ()
 
 
-def expected(robot: Robot, trajectory: Trajectory, options: ShelfOptions | None) -> PlannedStock | None:
+def expected(robot: Robot, motion: Motion, options: ShelfOptions | None) -> PlannedStock | None:
     """Return the planned stock of a robot's shelf after a motion; None if nothing is planned."""
     shelf, errand = shelf_of(robot), options.errand if options else None
     planned = errand.planned(shelf) if errand and shelf else None
-    if leaves_open := expected_of(trajectory).get("leaves_open"):
+    if leaves_open := motion.expects.get("leaves_open"):
         return replace(planned or PlannedStock(), leaves_open=tuple(leaves_open))
     return planned

@@ -29,9 +29,9 @@ from steptwin.host.planning.jobs.job import Job, fitted, in_reach_at_most, with_
 from steptwin.host.planning.jobs.options import number, place
 from steptwin.host.planning.jobs.pull_line import COMPARTMENTS, KIND, LOCKED_DEG, REACH_MM, TRAVEL_MM
 from steptwin.host.planning.laws import Trapezoid
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.paths import OutOfReachError
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.kinematics import Elbow, make_kinematics
 from steptwin.host.robots.robot import Robot
 
@@ -263,7 +263,7 @@ def _slides_first(moves: Composer, goal: FloatArray) -> None:
     moves.go(goal)
 
 
-def drawer_pull(robot: Robot, options: DrawerPullOptions) -> Trajectory:
+def drawer_pull(robot: Robot, options: DrawerPullOptions) -> Motion:
     """Return the paper's experiment: slides to the slot, arm to the drawer, lock, pull; the drawer stays out.
 
     Raise InputError if the robot file lacks a place or an output, or if a pose is out of reach.
@@ -276,7 +276,7 @@ def drawer_pull(robot: Robot, options: DrawerPullOptions) -> Trajectory:
     return moves.sequence({"leaves_open": (options.slot,)})
 
 
-def store(robot: Robot, options: StoreOptions) -> Trajectory:
+def store(robot: Robot, options: StoreOptions) -> Motion:
     """Return the motion that brings a box from a spot to the slot.
 
     Raise InputError if the robot file lacks a place or an output, or if a pose is out of reach.
@@ -287,7 +287,7 @@ def store(robot: Robot, options: StoreOptions) -> Trajectory:
     return moves.sequence()
 
 
-def fetch(robot: Robot, options: FetchOptions) -> Trajectory:
+def fetch(robot: Robot, options: FetchOptions) -> Motion:
     """Return the motion that brings the box from the slot to a spot; raise InputError as `store` does."""
     shelf = _Shelf(robot, options)
     moves = Composer(robot, shelf.drawn_back(options.output, options.slot))
@@ -296,7 +296,7 @@ def fetch(robot: Robot, options: FetchOptions) -> Trajectory:
     return moves.sequence()
 
 
-def every_slot(robot: Robot, options: EverySlotOptions) -> Trajectory:
+def every_slot(robot: Robot, options: EverySlotOptions) -> Motion:
     """Return the motion that stores a box in each slot in turn and fetches it; raise InputError as `store` does."""
     shelf = _Shelf(robot, options)
     moves = Composer(robot, shelf.above(options.pick_up))

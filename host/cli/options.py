@@ -217,7 +217,7 @@ class _MachineGroup(_Group):
         made: Field[Any] = option(
             "KEY=VALUE",
             "How the emulated machine differs from the robot's file, and what happens to it; repeatable"
-            f" (docs/machine-options.md): {', '.join(forms)}.",
+            f" (docs/robot-files.md): {', '.join(forms)}.",
             f"--{MACHINE}",
             "-m",
             rich_help_panel=MACHINE_PANEL,

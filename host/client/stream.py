@@ -12,7 +12,7 @@ from steptwin.host.client.waiting import POLL_S, REPLY_TIMEOUT_S, require
 from steptwin.host.client.waits import MachineWiring, OutputSchedule, Waits, divide
 from steptwin.host.common.arrays import AxisRecords
 from steptwin.host.common.errors import BusError, DeviceFaultError
-from steptwin.host.planning.trajectory import OutputChange, Wait
+from steptwin.host.planning.motion import OutputChange, Wait
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, PVT_SUBMODE, QUICK_STOP, Control, Mode, State, Status
 from steptwin.protocol.frame import COB_SYNC

@@ -21,7 +21,7 @@ from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.queue_feed import QueueFeed, TrajectoryTime
 from steptwin.host.common.arrays import AxisRecords
 from steptwin.host.common.errors import WaitTimeoutError
-from steptwin.host.planning.trajectory import OutputChange, Wait
+from steptwin.host.planning.motion import OutputChange, Wait
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, DigitalOutput
 

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from steptwin.host.common.tables import Table
     from steptwin.host.planning.drives import DriveLimits
     from steptwin.host.planning.jobs.job import Job
+    from steptwin.host.planning.motion import Motion
     from steptwin.host.planning.motions.whole import MotionTimer
     from steptwin.host.planning.plan import HighestSpeed, Plan
-    from steptwin.host.planning.trajectory import Trajectory
     from steptwin.host.robots.kinematics.kinds import Kind
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
@@ -164,7 +164,7 @@ class DriveModel(Protocol):
         """
         ...
 
-    def forecast(self, robot: "Robot", motion: "Trajectory") -> str | None:
+    def forecast(self, robot: "Robot", motion: "Motion") -> str | None:
         """Return a warning about a motion, not planned with the drives' limits, before it runs; None for none."""
         ...
 
@@ -181,7 +181,7 @@ class ChangedMotion(NamedTuple):
         described: returns what has changed, as one line.
     """
 
-    motion: "Trajectory"
+    motion: "Motion"
     later_s: Callable[[float], float]
     described: Callable[[], str]
 
@@ -298,7 +298,7 @@ class Feature:
         robot_tables: returns tables that belong to the file of a robot that StepTwin brings, by the robot's name.
         timer: returns what times motions as a whole: those with `law = "fastest"` or `blend_mm`.
         program_steps: returns the models of its steps of program files, `StepTable`s, by their verbs.
-        program_keys: returns the types of its keys of program files; the values become the trajectory's `expects`.
+        program_keys: returns the types of its keys of program files; the values become the motion's `expects`.
         check_program: raises InputError for such a value, by its key, that a robot cannot fulfil.
         kinematics: returns its kinds of mechanisms, by name; one that has the name of another kind replaces it.
         jobs: returns its jobs, by the kind of mechanism; one that has the name of another job replaces it.
@@ -320,7 +320,7 @@ class Feature:
             for which the motion waits (None: unknown); None if the machine has no such part.
         change_motion: returns a motion changed before it is checked, from robot and motion; None to leave it as it is.
             The first feature that changes it is the only one.
-        expected: returns what a motion is planned to leave, from robot, trajectory and options; None for nothing.
+        expected: returns what a motion is planned to leave, from robot, motion and options; None for nothing.
         judge: returns the judge of its evidence.
         figures: returns its figures of an axis, by key: they stand in its part of report.json under `axes`, and have
             columns and limits as those of the core.
@@ -360,8 +360,8 @@ class Feature:
     kernels: "Callable[[], Mapping[str, Callable[[], Kernel]]] | None" = None
     program: "Callable[[Any], Callable[[], BoardProgram] | None] | None" = None
     part: MakePart | None = None
-    change_motion: "Callable[[Robot, Trajectory], ChangedMotion | None] | None" = None
-    expected: "Callable[[Robot, Trajectory, Any], Any] | None" = None
+    change_motion: "Callable[[Robot, Motion], ChangedMotion | None] | None" = None
+    expected: "Callable[[Robot, Motion, Any], Any] | None" = None
     judge: "Callable[[], FeatureJudge] | None" = None
     figures: "Callable[[], Mapping[str, ReportFigure[SeenAxis]]] | None" = None
     live: Callable[[], LiveWords] | None = None
@@ -426,7 +426,7 @@ def judge_of(name: str) -> FeatureJudge:
     return make()
 
 
-def changed_motion(robot: "Robot", motion: "Trajectory") -> ChangedMotion | None:
+def changed_motion(robot: "Robot", motion: "Motion") -> ChangedMotion | None:
     """Return a motion as a feature changes it before it is checked; None if it stays as it is."""
     return next((made for _, change in giving("change_motion") if (made := change(robot, motion))), None)
 

@@ -11,9 +11,9 @@ from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.choices import SWITCHES
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.session import Session
+from steptwin.host.planning.motion import Wait
 from steptwin.host.planning.motions.held import Hold
 from steptwin.host.planning.plan import Plan
-from steptwin.host.planning.trajectory import Wait, waits_of
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import GENERAL_INPUTS, DigitalInput, DigitalOutput
@@ -27,7 +27,7 @@ def waits_made(plan: Plan, holds_ms: Sequence[int], *, timed_out: bool = False) 
     before_ms = accumulate(holds_ms, initial=0)
     made = [
         replace(wait, at_s=(round(1000 * wait.at_s) + later_ms) / 1000, stood_s=hold_ms / 1000)
-        for wait, hold_ms, later_ms in zip(waits_of(plan.trajectory), holds_ms, before_ms, strict=False)
+        for wait, hold_ms, later_ms in zip(plan.motion.waits, holds_ms, before_ms, strict=False)
         if hold_ms
     ]
     return (*made[:-1], replace(made[-1], timed_out=True)) if timed_out else tuple(made)
@@ -76,12 +76,12 @@ def wired_outputs(robot: Robot) -> dict[str, tuple[int, DigitalOutput]]:
 
 def streamed_motion(plan: Plan) -> StreamedMotion:
     """Return what is streamed of a plan; raise InputError if the machine does not stand still at one of its waits."""
-    waits, standing_ms = waits_of(plan.trajectory), plan.times_ms[~plan.velocities.any(axis=1)]
+    waits, standing_ms = plan.motion.waits, plan.times_ms[~plan.velocities.any(axis=1)]
     for wait in waits:
         if round(1000 * wait.at_s) not in standing_ms:
             raise InputError(f"{wait.where}the machine does not stand at t = {wait.at_s:.3f} s to wait for {wait}")
     wiring = MachineWiring(wired_inputs(plan.robot), wired_outputs(plan.robot))
-    return StreamedMotion(plan.records(), plan.start_units, plan.trajectory.output_changes, waits, wiring)
+    return StreamedMotion(plan.records(), plan.start_units, plan.motion.output_changes, waits, wiring)
 
 
 def read_outputs(session: Session) -> dict[str, bool]:
@@ -117,7 +117,7 @@ def plan_made(plan: Plan, holds_ms: Sequence[int], *, timed_out: bool = False) -
     """
     if not holds_ms:
         return plan
-    waits = waits_of(plan.trajectory)
+    waits = plan.motion.waits
     holds = [Hold(round(1000 * wait.at_s), ms) for wait, ms in zip(waits, holds_ms, strict=False)]
     held = plan.held(holds, HOLD_MS)
     return held.until(holds[-1].at_ms + sum(holds_ms)) if timed_out else held

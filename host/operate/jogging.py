@@ -293,4 +293,4 @@ def step_tool(session: Session, step: ToolStep, *, progress: Progress = lambda _
         if not axis.passed:
             raise DeviceFaultError(f"{axis.name}: ended {axis.error_steps:.4f} steps from where planned")
     goal = session.positions([axis.planned_units for axis in outcome.axes])
-    return Moved(outcome.start, goal, outcome.end, plan.trajectory.duration_s, session.pose(outcome.end))
+    return Moved(outcome.start, goal, outcome.end, plan.motion.duration_s, session.pose(outcome.end))

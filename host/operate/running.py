@@ -14,8 +14,8 @@ from steptwin.host.common.features import giving
 from steptwin.host.operate.inputs_outputs import plan_made, streamed_motion, waits_document, waits_made
 from steptwin.host.operate.moving import move_within
 from steptwin.host.operate.session import MachineCharge, Session
+from steptwin.host.planning.motion import Wait
 from steptwin.host.planning.plan import PLANNED_PERCENT, Plan, highest_speed
-from steptwin.host.planning.trajectory import Wait
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
 END_ERROR_STEPS_MAX: Final = 0.5 + 1 / 16
@@ -62,7 +62,7 @@ class LiveOutcome:
         return {
             "robot": self.plan.robot.name,
             "job": self.job,
-            "duration_s": self.plan.trajectory.duration_s,
+            "duration_s": self.plan.motion.duration_s,
             "passed": self.passed,
             "repetitions": self.repetitions,
             "axes": [asdict(axis) for axis in self.axes],

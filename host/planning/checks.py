@@ -1,4 +1,4 @@
-"""Checks of a trajectory and of its points; all must pass before anything is sent.
+"""Checks of a motion and of its points; all must pass before anything is sent.
 
 Each raises an InputError that names joint, time, value and limit.
 """
@@ -11,9 +11,9 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import apart, by, nearest_within, outside
 from steptwin.host.common.errors import InputError
+from steptwin.host.planning.motion import REST_TOLERANCE, Motion
 from steptwin.host.planning.paths import OutOfReachError
 from steptwin.host.planning.peaks import Peak, Quantity, Samples, sampled
-from steptwin.host.planning.trajectory import REST_TOLERANCE, Trajectory
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.pvt import I24_MAX, I24_MIN
@@ -55,10 +55,10 @@ class TooFastError(InputError):
         return max((peak.stretch for peak in self.peaks), default=1.0)
 
 
-def check_joint_names(robot: Robot, trajectory: Trajectory) -> None:
-    """Check that the trajectory moves the robot's joints, in their order."""
-    if trajectory.joint_names != robot.joint_names:
-        given, right = " ".join(trajectory.joint_names), " ".join(robot.joint_names)
+def check_joint_names(robot: Robot, motion: Motion) -> None:
+    """Check that the motion moves the robot's joints, in their order."""
+    if motion.joint_names != robot.joint_names:
+        given, right = " ".join(motion.joint_names), " ".join(robot.joint_names)
         raise InputError(f"the trajectory moves the joints {given}, but {robot.name} has {right}, in this order")
 
 
@@ -124,15 +124,15 @@ class SampleCheck:
                     )
 
 
-def knots_ms(trajectory: Trajectory) -> FloatArray:
+def knots_ms(motion: Motion) -> FloatArray:
     """Return the times in ms of a motion's breakpoints; there, and at rest, points are exact."""
-    return np.round(1000 * np.array(trajectory.breakpoints_s))
+    return np.round(1000 * np.array(motion.breakpoints_s))
 
 
-def check_positions(robot: Robot, trajectory: Trajectory) -> None:
+def check_positions(robot: Robot, motion: Motion) -> None:
     """Check that all values of a motion are finite and all positions within the joints' limits."""
-    check = SampleCheck(robot, knots_ms(trajectory))
-    for _ in check.watched(sampled(trajectory)):
+    check = SampleCheck(robot, knots_ms(motion))
+    for _ in check.watched(sampled(motion)):
         pass
     check.check_positions()
 

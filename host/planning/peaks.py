@@ -11,7 +11,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.planning_time import check_planning_time
-from steptwin.host.planning.trajectory import Trajectory, states
+from steptwin.host.planning.motion import Motion
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
 
@@ -32,7 +32,7 @@ def check_length(what: str, duration_ms: int) -> None:
 
 
 class Samples(NamedTuple):
-    """A window of a trajectory, each millisecond of it: times of shape (n,), the rest of shape (n, joints)."""
+    """A window of a motion, each millisecond of it: times of shape (n,), the rest of shape (n, joints)."""
 
     t_s: FloatArray
     positions: FloatArray
@@ -51,11 +51,11 @@ class Samples(NamedTuple):
         return Samples(*(np.concatenate(pair) for pair in zip(self, later, strict=True)))
 
 
-def sampled(trajectory: Trajectory) -> Iterator[Samples]:
-    """Yield a trajectory in windows; each begins with the last millisecond of the one before."""
-    for times_ms in windows_ms(round(1000 * trajectory.duration_s)):
+def sampled(motion: Motion) -> Iterator[Samples]:
+    """Yield a motion in windows; each begins with the last millisecond of the one before."""
+    for times_ms in windows_ms(round(1000 * motion.duration_s)):
         t_s = times_ms / 1000
-        yield Samples(t_s, *states(trajectory, t_s))
+        yield Samples(t_s, *motion.states(t_s))
 
 
 def shifted(windows: Iterable[Samples], from_s: float) -> Iterator[Samples]:

@@ -1,4 +1,4 @@
-"""A plan: a checked trajectory as points on the wire, and its highest speed by its peaks and the bus."""
+"""A plan: a checked motion as points on the wire, and its highest speed by its peaks and the bus."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,9 +11,9 @@ import numpy as np
 from steptwin.host.common.arrays import AxisRecords, Int64Array
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import ChangedMotion, drive_model
-from steptwin.host.planning.motions.held import Held, Hold, TimeSpan
+from steptwin.host.planning.motion import Motion
+from steptwin.host.planning.motions.held import Hold, held, time_span
 from steptwin.host.planning.peaks import Peak, Quantity
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.od import FULL_RATE_Q16, RATE_PERCENT_MAX, rate_q16
 
@@ -31,20 +31,20 @@ _ROUNDING: Final = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A checked trajectory as points on the wire, made by `planner.plan`; its arrays are read-only.
+    """A checked motion as points on the wire, made by `planner.plan`; its arrays are read-only.
 
     Attributes:
         robot: the robot that moves.
-        trajectory: motion that the points were sampled from.
+        motion: motion that the points were sampled from.
         times_ms: shape (points,), whole milliseconds, from 0 to the end.
         points_units: shape (points, joints), absolute positions in wire units.
         velocities: shape (points, joints), in 1/64 unit per ms; 0 at both ends.
         peaks: highest step rate, speed and acceleration of each joint, all within their limits.
-        changed: what a feature has made of the planned motion, `trajectory`; None if it has not changed it.
+        changed: how a feature has changed the motion before it was planned; None if it has not.
     """
 
     robot: Robot
-    trajectory: Trajectory
+    motion: Motion
     times_ms: Int64Array
     points_units: Int64Array
     velocities: Int64Array
@@ -62,8 +62,8 @@ class Plan:
 
     @property
     def start_joints(self) -> list[float]:
-        """The trajectory's joint positions at t = 0, in mm and degrees."""
-        return [float(q) for q in self.trajectory.positions(np.zeros(1))[0]]
+        """The motion's joint positions at t = 0, in mm and degrees."""
+        return [float(q) for q in self.motion.positions(np.zeros(1))[0]]
 
     def records(self, count: int | None = None) -> tuple[AxisRecords, ...]:
         """Return the PVT records of each axis, or only the first `count` of them.
@@ -96,7 +96,7 @@ class Plan:
             velocities = np.insert(velocities, at + 1, np.zeros((count, velocities.shape[1]), np.int64), axis=0)
         return replace(
             self,
-            trajectory=Held(self.trajectory, tuple(holds)),
+            motion=held(self.motion, tuple(holds)),
             times_ms=times_ms,
             points_units=points,
             velocities=velocities,
@@ -132,7 +132,7 @@ class Plan:
         count = int(at[0]) + 1
         return replace(
             self,
-            trajectory=TimeSpan(self.trajectory, 0.0, end_ms / 1000),
+            motion=time_span(self.motion, 0.0, end_ms / 1000),
             times_ms=self.times_ms[:count],
             points_units=self.points_units[:count],
             velocities=self.velocities[:count],

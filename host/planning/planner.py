@@ -1,7 +1,7 @@
-"""The planner: convert a trajectory to PVT points, checked before anything is sent.
+"""The planner: convert a motion to PVT points, checked before anything is sent.
 
 Positions are converted to wire units on absolute values and rounded once; a record's displacement is the difference of
-two rounded absolutes, so rounding errors do not add up. Velocities are the trajectory's own at the points.
+two rounded absolutes, so rounding errors do not add up. Velocities are the motion's own at the points.
 """
 
 from collections.abc import Iterable
@@ -16,7 +16,8 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import changed_motion
 from steptwin.host.common.planning_time import in_planning_time
 from steptwin.host.planning import checks
-from steptwin.host.planning.motions.stretched import Stretched, largest_stretch, smallest_stretch
+from steptwin.host.planning.motion import DEFAULT_POINT_MS, Motion
+from steptwin.host.planning.motions.stretched import largest_stretch, smallest_stretch, stretched
 from steptwin.host.planning.peaks import (
     Peak,
     Quantity,
@@ -29,52 +30,51 @@ from steptwin.host.planning.peaks import (
     step_rate_peaks,
 )
 from steptwin.host.planning.plan import Plan
-from steptwin.host.planning.trajectory import DEFAULT_POINT_MS, Trajectory
 from steptwin.host.robots.joint import with_fewer_steps
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.pvt import DURATION_MAX_MS, VELOCITY_PER_UNIT_PER_MS
 
 
 @in_planning_time()
-def plan(robot: Robot, trajectory: Trajectory, point_ms: int = DEFAULT_POINT_MS) -> Plan:
-    """Sample a trajectory every `point_ms` milliseconds and at its breakpoints, check it and convert it.
+def plan(robot: Robot, motion: Motion, point_ms: int = DEFAULT_POINT_MS) -> Plan:
+    """Sample a motion every `point_ms` milliseconds and at its breakpoints, check it and convert it.
 
     A feature may change the motion before, such as shape it against oscillations: the plan has the changed one.
 
     Raises:
-        InputError: the trajectory has other joints than the robot, is not finite, exceeds a limit of position, speed,
+        InputError: the motion has other joints than the robot, is not finite, exceeds a limit of position, speed,
             acceleration or step rate, does not start and end at rest, or does not fit in PVT records; the message
             names joint, time, value and limit, and for a motion that is too fast the stretch that passes.
     """
-    return plan_stretched(robot, trajectory, 1.0, point_ms)
+    return plan_stretched(robot, motion, 1.0, point_ms)
 
 
 @in_planning_time()
 def plan_stretched(
-    robot: Robot, trajectory: Trajectory, stretch: float | None = None, point_ms: int = DEFAULT_POINT_MS
+    robot: Robot, motion: Motion, stretch: float | None = None, point_ms: int = DEFAULT_POINT_MS
 ) -> Plan:
-    """Plan a trajectory stretched by a factor, or with None by the smallest one that passes, as `plan` does."""
+    """Plan a motion stretched by a factor, or with None by the smallest one that passes, as `plan` does."""
     asked = 1.0 if stretch is None else stretch
     try:
-        return _plan(robot, _stretched(trajectory, asked), point_ms)
+        return _plan(robot, _stretched(motion, asked), point_ms)
     except checks.TooFastError as error:
-        factor = stretch_that_passes(robot, trajectory, error, asked, point_ms)
+        factor = stretch_that_passes(robot, motion, error, asked, point_ms)
         if stretch is None:
-            return _plan(robot, Stretched.by(trajectory, factor), point_ms)
+            return _plan(robot, stretched(motion, factor), point_ms)
         slower = f"{factor:g} times slower passes (stretch={factor:g})" if factor > 1 else f"stretch={factor:g} passes"
-        drives = _slower_drives(robot, _stretched(trajectory, asked), point_ms, error)
+        drives = _slower_drives(robot, _stretched(motion, asked), point_ms, error)
         advice = f"{slower}{drives}"
         too_fast = checks.TooFastError(f"{error}; {advice}", error.peaks, advice)
         raise too_fast.plainly(f"{error.plain}; {advice}") from error
 
 
-def _stretched(trajectory: Trajectory, factor: float) -> Trajectory:
-    return trajectory if factor == 1 else Stretched.by(trajectory, factor)
+def _stretched(motion: Motion, factor: float) -> Motion:
+    return motion if factor == 1 else stretched(motion, factor)
 
 
 def stretch_that_passes(
     robot: Robot,
-    trajectory: Trajectory,
+    motion: Motion,
     error: checks.TooFastError,
     asked: float = 1.0,
     point_ms: int = DEFAULT_POINT_MS,
@@ -84,38 +84,38 @@ def stretch_that_passes(
     `error` is the refusal of the motion with the stretch `asked`.
     """
 
-    def passes(stretched: Trajectory) -> bool:
+    def passes(stretched: Motion) -> bool:
         return _passes(robot, stretched, point_ms)
 
-    least = error.least_stretch * _stretched(trajectory, asked).duration_s / trajectory.duration_s
-    factor = smallest_stretch(trajectory, passes, least, asked)
+    least = error.least_stretch * _stretched(motion, asked).duration_s / motion.duration_s
+    factor = smallest_stretch(motion, passes, least, asked)
     if factor is None:
-        never = f"no stretch up to {largest_stretch(trajectory):g} makes it pass"
+        never = f"no stretch up to {largest_stretch(motion):g} makes it pass"
         raise InputError(f"{error}; {never}").plainly(f"{error.plain}; {never}") from error
     return factor
 
 
-def _passes(robot: Robot, trajectory: Trajectory, point_ms: int) -> bool:
+def _passes(robot: Robot, motion: Motion, point_ms: int) -> bool:
     try:
-        _plan(robot, trajectory, point_ms)
+        _plan(robot, motion, point_ms)
     except checks.TooFastError:
         return False
     return True
 
 
-def _slower_drives(robot: Robot, trajectory: Trajectory, point_ms: int, error: checks.TooFastError) -> str:
+def _slower_drives(robot: Robot, motion: Motion, point_ms: int, error: checks.TooFastError) -> str:
     """Return the drivers that need few enough steps, if the motion passes with them; otherwise an empty text."""
     parts = {peak.joint: peak.limit / peak.value for peak in error.peaks if peak.quantity is Quantity.STEP_RATE}
     choices = robot.board.profile.chip.microsteps
     changed = {name: with_fewer_steps(robot.joint(name), part, choices) for name, part in parts.items()}
     drives = {name: drive for name, (drive, _) in changed.items()}
     joints = tuple(replace(joint, transmission=drives.get(joint.name, joint.transmission)) for joint in robot.joints)
-    if not changed or not _passes(replace(robot, joints=joints), trajectory, point_ms):
+    if not changed or not _passes(replace(robot, joints=joints), motion, point_ms):
         return ""
     return ", and so does " + " and ".join(f"joints.{name}.{setting}" for name, (_, setting) in changed.items())
 
 
-def step_peaks(robot: Robot, part: Trajectory, from_ms: int, windows: Iterable[Samples]) -> tuple[Peak, ...]:
+def step_peaks(robot: Robot, part: Motion, from_ms: int, windows: Iterable[Samples]) -> tuple[Peak, ...]:
     """Return the peaks of a part of a motion from a time on, as the planner finds them in the whole.
 
     `windows` are those of the part. Raises TooFastError if PVT records cannot hold it.
@@ -125,33 +125,33 @@ def step_peaks(robot: Robot, part: Trajectory, from_ms: int, windows: Iterable[S
     return (*looked.step_rates(own_ms + from_ms), *looked.peaks, *looked.excess)
 
 
-def _plan(robot: Robot, trajectory: Trajectory, point_ms: int) -> Plan:
-    """Plan a trajectory as features change it; raise TooFastError if it must be stretched."""
-    changed = changed_motion(robot, trajectory)
+def _plan(robot: Robot, motion: Motion, point_ms: int) -> Plan:
+    """Plan a motion as features change it; raise TooFastError if it must be stretched."""
+    changed = changed_motion(robot, motion)
     if changed is None:
-        return plan_executed(robot, trajectory, point_ms)
+        return plan_executed(robot, motion, point_ms)
     return replace(plan_executed(robot, changed.motion, point_ms), changed=changed)
 
 
-def executed_duration_s(robot: Robot, trajectory: Trajectory) -> float:
-    """Return the duration of a trajectory as features change it before it is checked."""
-    changed = changed_motion(robot, trajectory)
-    return trajectory.duration_s if changed is None else changed.motion.duration_s
+def executed_duration_s(robot: Robot, motion: Motion) -> float:
+    """Return the duration of a motion as features change it before it is checked."""
+    changed = changed_motion(robot, motion)
+    return motion.duration_s if changed is None else changed.motion.duration_s
 
 
-def plan_executed(robot: Robot, trajectory: Trajectory, point_ms: int = DEFAULT_POINT_MS) -> Plan:
-    """Plan a trajectory exactly as it is, such as one that has been planned before; raises as `plan`."""
-    checks.check_joint_names(robot, trajectory)
-    times_ms = _point_times_ms(trajectory, point_ms)
-    check = checks.SampleCheck(robot, checks.knots_ms(trajectory))
-    looked = _Examined.at(robot, times_ms, check.watched(sampled(trajectory)))
+def plan_executed(robot: Robot, motion: Motion, point_ms: int = DEFAULT_POINT_MS) -> Plan:
+    """Plan a motion exactly as it is, such as one that has been planned before; raises as `plan`."""
+    checks.check_joint_names(robot, motion)
+    times_ms = _point_times_ms(motion, point_ms)
+    check = checks.SampleCheck(robot, checks.knots_ms(motion))
+    looked = _Examined.at(robot, times_ms, check.watched(sampled(motion)))
     check.check_positions()
     check.check_rest()
     peaks = (*looked.step_rates(times_ms), *looked.peaks)
     checks.check_peaks(peaks)
     checks.check_peaks(looked.excess)
     points, velocities = (each.astype(np.int64) for each in (looked.points, looked.velocities))
-    return Plan(robot, trajectory, times_ms, points, velocities, peaks)
+    return Plan(robot, motion, times_ms, points, velocities, peaks)
 
 
 class _Examined(NamedTuple):
@@ -198,16 +198,16 @@ class _Examined(NamedTuple):
         return step_rate_peaks(self.robot, times_ms, self.points, self.velocities)
 
 
-def _point_times_ms(trajectory: Trajectory, point_ms: int, from_ms: int = 0) -> Int64Array:
+def _point_times_ms(motion: Motion, point_ms: int, from_ms: int = 0) -> Int64Array:
     """Return the times of the points: the grid, the breakpoints and the end, all in whole milliseconds.
 
-    The grid is that of a motion whose part from `from_ms` on is the trajectory.
+    The grid is that of a motion whose part from `from_ms` on is the motion.
     """
     if not 1 <= point_ms <= DURATION_MAX_MS:
         raise InputError(f"{point_ms} ms between points is not from 1 to {DURATION_MAX_MS} ms")
-    end_ms = whole_ms("the duration", trajectory.duration_s)
+    end_ms = whole_ms("the duration", motion.duration_s)
     check_length("the motion", end_ms)
-    breakpoints_ms = [whole_ms("a breakpoint", t_s) for t_s in trajectory.breakpoints_s]
+    breakpoints_ms = [whole_ms("a breakpoint", t_s) for t_s in motion.breakpoints_s]
     for what, t_ms in (("the duration", end_ms), *(("a breakpoint", t_ms) for t_ms in breakpoints_ms)):
         if not 1 <= t_ms <= end_ms:
             raise InputError(f"{what}: {t_ms} ms is not from 1 ms to the end at {end_ms} ms")

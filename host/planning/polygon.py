@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
-from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.planning.motion import Motion
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import tool_places_mm
 from steptwin.host.robots.robot import Robot
@@ -68,7 +68,7 @@ class Polygon:
         velocities: FloatArray = np.diff(self.positions, axis=0) / np.diff(self.times_s)[:, np.newaxis]
         return velocities
 
-    def departures(self, robot: Robot, motion: Trajectory) -> tuple[Departure, ...]:
+    def departures(self, robot: Robot, motion: Motion) -> tuple[Departure, ...]:
         """Return the largest deviation of each joint, and then of the tool, from the polygon.
 
         At each instant it is the distance from the nearest place on the line between the neighbouring points, not from
@@ -87,7 +87,7 @@ class Polygon:
         rows = zip(names, largest.tolist(), units, at_s.tolist(), allowed, strict=True)
         return tuple(Departure(*row) for row in rows)
 
-    def _distances(self, robot: Robot, motion: Trajectory) -> Iterator[tuple[FloatArray, FloatArray]]:
+    def _distances(self, robot: Robot, motion: Motion) -> Iterator[tuple[FloatArray, FloatArray]]:
         """Yield instants of shape (n,) with the deviations of all joints and the tool, of shape (n, joints + 1)."""
         end_ms = round(1000 * motion.duration_s)
         for first in range(0, end_ms + 1, _CHUNK):

@@ -24,12 +24,17 @@ from steptwin.host.common.bad_input import at_most, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.planning_time import check_planning_time, in_planning_time
 from steptwin.host.planning.laws import SCurve
-from steptwin.host.planning.motions.joint_move import JointMove
-from steptwin.host.planning.motions.tool_move import ToolMove, branches_on, is_straight_in_joints, present_branch
+from steptwin.host.planning.motion import Motion
+from steptwin.host.planning.motions.joint_move import joint_move
+from steptwin.host.planning.motions.tool_move import (
+    branches_on,
+    is_straight_in_joints,
+    present_branch,
+    tool_move,
+)
 from steptwin.host.planning.paths import FreeAttitude, OnTheSpot, Oriented, StraightLine, ToolPath, Turn
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import executed_duration_s, plan_stretched
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
 from steptwin.host.robots.kinematics.base import tool_frames
 from steptwin.host.robots.poses import PLACE, STEP_NAMES, TURNS, Pose, Task, Turning, turn_of
@@ -137,7 +142,7 @@ def _gentle_plan(robot: Robot, standing: list[float], step: ToolStep) -> Plan:
     if stretch > 1.0:  # a ramp of the square of it needs no more acceleration at the same speed
         with suppress(InputError):
             gentle, _ = _plan(robot, standing, step, _RAMP_S * stretch**2)
-            plan = min(plan, gentle, key=lambda each: each.trajectory.duration_s)
+            plan = min(plan, gentle, key=lambda each: each.motion.duration_s)
     return plan
 
 
@@ -169,7 +174,7 @@ def _plan(robot: Robot, standing: list[float], step: ToolStep, ramp_s: float) ->
     """Return the plan of a step with a ramp, and the factor by which the joints' limits make it slower."""
     motion = _motion(robot, within_limits(robot, standing), step, ramp_s)
     plan = plan_stretched(robot, motion)
-    return plan, plan.trajectory.duration_s / executed_duration_s(robot, motion)
+    return plan, plan.motion.duration_s / executed_duration_s(robot, motion)
 
 
 def step_path(robot: Robot, start: FloatArray, step: ToolStep) -> ToolPath:
@@ -193,7 +198,7 @@ def within_limits(robot: Robot, standing: list[float]) -> FloatArray:
     return within
 
 
-def _motion(robot: Robot, start: FloatArray, step: ToolStep, ramp_s: float) -> Trajectory:
+def _motion(robot: Robot, start: FloatArray, step: ToolStep, ramp_s: float) -> Motion:
     kinematics = make_kinematics(robot)
     branch = present_branch(robot, start)
     path = step_path(robot, start, step)
@@ -208,8 +213,8 @@ def _motion(robot: Robot, start: FloatArray, step: ToolStep, ramp_s: float) -> T
     speed = step.speed_percent / 100 * (SPEED_MAX_MM_S if step.moves else TURN_SPEED_MAX_DEG_S)
     if is_straight_in_joints(robot, path, start, goal):  # even at a singularity, for a lift or a wrist alone
         law = _law(path, 1.0, speed, ramp_s)
-        return JointMove(robot.joint_names, tuple(start.tolist()), tuple(goal.tolist()), law)
-    return ToolMove.along(robot, path, _law(path, path.length_mm, speed, ramp_s), branch, start)
+        return joint_move(robot.joint_names, tuple(start.tolist()), tuple(goal.tolist()), law)
+    return tool_move(robot, path, _law(path, path.length_mm, speed, ramp_s), branch, start)
 
 
 def _goal(kinematics: Kinematics, path: ToolPath, branch: str, start: FloatArray) -> FloatArray:

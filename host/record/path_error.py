@@ -69,8 +69,8 @@ def path_error(comparison: Comparison, t_s: FloatArray) -> PathError:
     """Return the path just before and just after each of m sorted instants, n = 2 m; without a tool, zeros."""
     if not comparison.expected.task.width:
         return PathError(np.zeros((2 * len(t_s), 3)), np.zeros((2 * len(t_s), 3)))
-    end_s = comparison.expected.trajectory.duration_s
+    end_s = comparison.expected.motion.duration_s
     tools = (part.tool for part in deviations(comparison, t_s) if part.tool is not None)
     errors_mm = np.concatenate([tool.position_mm.swapaxes(0, 1).reshape(-1, 3) for tool in tools])
-    poses = comparison.expected.forward(comparison.expected.trajectory.positions(np.minimum(t_s, end_s)))
+    poses = comparison.expected.forward(comparison.expected.motion.positions(np.minimum(t_s, end_s)))
     return PathError(np.repeat(poses[:, :3], 2, axis=0), errors_mm)

@@ -43,11 +43,11 @@ class RecordedMachine:
     @property
     def duration_s(self) -> float:
         """Duration of the planned motion."""
-        return self.comparison.expected.trajectory.duration_s
+        return self.comparison.expected.motion.duration_s
 
     def planned_joints(self, t_s: FloatArray) -> FloatArray:
         """Return the planned joint positions, shape (n, joints); constant before and after the motion."""
-        return self.comparison.expected.trajectory.positions(np.clip(t_s, 0.0, self.duration_s))
+        return self.comparison.expected.motion.positions(np.clip(t_s, 0.0, self.duration_s))
 
     def counts(self, t_s: FloatArray) -> FloatArray:
         """Return the drivers' counts after the steps at each instant, shape (n, axes); before 0 those at 0."""

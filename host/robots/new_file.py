@@ -316,7 +316,7 @@ _BASE: Final = """\
 # phi_deg = 0.0
 """
 _COUPLING: Final = """\
-[coupling] # for CoreXY and H-bot: two motors move both slides; rows are axes, columns joints (docs/coupling.md)
+[coupling] # for CoreXY and H-bot: two motors move both slides; rows are axes, columns joints (docs/robot-files.md)
 X = { X = 1.0, Y = 1.0 }
 Y = { X = -1.0, Y = 1.0 }
 """

@@ -1,14 +1,14 @@
 """Combine the expectation, a planned motion with the robot's conversions, and the evidence, axis by axis."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Final, Self
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
-from steptwin.host.planning.trajectory import DerivedTrajectory, Trajectory
+from steptwin.host.planning.motion import JointLaw, Motion
 from steptwin.host.robots.coupling import Coupling
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.chain import actual_chain
@@ -23,29 +23,19 @@ from steptwin.host.verify.oracle import IdealSteps, ideal_steps
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class AxisTrajectory(DerivedTrajectory):
-    """A trajectory in axis positions instead of joint positions.
+class AxisLaw(JointLaw):
+    """Positions and velocities of axes, from a law of the joints and their coupling."""
 
-    Attributes:
-        coupling: coupling of axes and joints.
-        axis_names: names of the axes: those of the joints, then those of second motors.
-    """
-
+    law: JointLaw
     coupling: Coupling
-    axis_names: tuple[str, ...]
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """The names of the axes."""
-        return self.axis_names
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return axis positions, of shape (n, axes)."""
-        return self.coupling.to_axes(self.trajectory.positions(t_s))
+        return self.coupling.to_axes(self.law.positions(t_s))
 
     def velocities(self, t_s: FloatArray) -> FloatArray:
         """Return axis velocities, of shape (n, axes)."""
-        return self.coupling.to_axes(self.trajectory.velocities(t_s))
+        return self.coupling.to_axes(self.law.velocities(t_s))
 
 
 _AT_ONCE: Final = 1 << 16
@@ -57,12 +47,12 @@ Forward = Callable[[FloatArray], FloatArray]
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """A planned motion with the robot's conversions; values per joint are in the trajectory's joint order.
+    """A planned motion with the robot's conversions; values per joint are in the motion's joint order.
 
     The axes are those of the joints in the same order, then those of second motors.
 
     Attributes:
-        trajectory: the planned motion.
+        motion: the planned motion.
         steps_per_unit: shape (axes,), driver steps per mm or degree of an axis position.
         joint_units: "mm" or "deg" for each joint.
         forward: the robot's forward kinematics.
@@ -78,7 +68,7 @@ class Expectation:
         ValueError: the lengths do not agree.
     """
 
-    trajectory: Trajectory
+    motion: Motion
     steps_per_unit: FloatArray
     joint_units: tuple[str, ...]
     forward: Forward
@@ -90,13 +80,13 @@ class Expectation:
     task: Task = SCARA
 
     @classmethod
-    def of(cls, robot: Robot, trajectory: Trajectory, features: Mapping[str, Any] | None = None) -> Self:
+    def of(cls, robot: Robot, motion: Motion, features: Mapping[str, Any] | None = None) -> Self:
         """Return the expectation for a motion of a robot, with what features expect of it."""
         units = tuple(joint.unit for joint in robot.joints)
         microsteps = tuple(axis.transmission.microsteps for axis in robot.axes)
         kinematics, actual = make_kinematics(robot), actual_chain(robot)
         return cls(
-            trajectory,
+            motion,
             robot.steps_per_unit,
             units,
             kinematics.forward,
@@ -109,7 +99,7 @@ class Expectation:
         )
 
     def __post_init__(self) -> None:
-        joints = len(self.trajectory.joint_names)
+        joints = len(self.motion.joint_names)
         if self.steps_per_unit.shape != (len(self.axis_names),) or len(self.joint_units) != joints:
             raise ValueError(
                 f"{joints} joints, but steps_per_unit of shape {self.steps_per_unit.shape}"
@@ -119,7 +109,7 @@ class Expectation:
     @property
     def axis_names(self) -> tuple[str, ...]:
         """The names of the axes: those of the joints, then those of the robot's second motors."""
-        names = self.trajectory.joint_names
+        names = self.motion.joint_names
         return names if self.robot is None else (*names, *self.robot.axis_names[len(names) :])
 
     def microsteps_of(self, axis: int) -> int | None:
@@ -127,11 +117,11 @@ class Expectation:
         return self.microsteps[axis] if self.microsteps else None
 
     @property
-    def axis_motion(self) -> Trajectory:
+    def axis_motion(self) -> Motion:
         """The planned motion of the axes."""
         if not self.coupling.matrix:
-            return self.trajectory
-        return AxisTrajectory(self.trajectory, self.coupling, self.axis_names)
+            return self.motion
+        return replace(self.motion, joint_names=self.axis_names, law=AxisLaw(self.motion.law, self.coupling))
 
     def axis_steps(self, joints: FloatArray) -> FloatArray:
         """Return the axes' positions or speeds in driver steps, from joints' of shape (..., joints)."""
@@ -139,7 +129,7 @@ class Expectation:
 
     def axis_position(self, axis: int, t_s: FloatArray) -> FloatArray:
         """Return an axis' planned position in driver steps at instants of shape (n,); constant outside the motion."""
-        within_s = np.clip(t_s, 0.0, self.trajectory.duration_s)
+        within_s = np.clip(t_s, 0.0, self.motion.duration_s)
         positions = np.empty(t_s.shape)
         for begin in range(0, t_s.size, _AT_ONCE):
             part = slice(begin, begin + _AT_ONCE)
@@ -172,7 +162,7 @@ class Comparison:
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Names of the joints."""
-        return self.expected.trajectory.joint_names
+        return self.expected.motion.joint_names
 
     @property
     def axis_names(self) -> tuple[str, ...]:

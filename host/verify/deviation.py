@@ -58,7 +58,7 @@ class Deviation:
 def critical_instants(comparison: Comparison) -> FloatArray:
     """Return the sorted instants of every accepted edge, every planned turning point, the start and the end."""
     times = [axis.time_s for axis in comparison.counted] + [axis.turning_s for axis in comparison.ideal]
-    return np.unique(np.concatenate([*times, [0.0, comparison.expected.trajectory.duration_s]]))
+    return np.unique(np.concatenate([*times, [0.0, comparison.expected.motion.duration_s]]))
 
 
 def deviations(comparison: Comparison, t_s: FloatArray) -> Iterator[Deviation]:
@@ -70,7 +70,7 @@ def deviations(comparison: Comparison, t_s: FloatArray) -> Iterator[Deviation]:
 def _deviation(comparison: Comparison, t_s: FloatArray) -> Deviation:
     """Compute one chunk; each joint's column is contiguous for speed."""
     expected = comparison.expected
-    planned = np.asfortranarray(expected.trajectory.positions(np.minimum(t_s, expected.trajectory.duration_s)))
+    planned = np.asfortranarray(expected.motion.positions(np.minimum(t_s, expected.motion.duration_s)))
     planned_pose = expected.forward(planned)
     counts = np.stack([axis.around(t_s) for axis in comparison.counted]).transpose(1, 2, 0)
     joints = [expected.joints(side) for side in counts]

@@ -2,7 +2,7 @@
 
 The step rule, with H = 1/2 + 1/16 step: a counter n increases when p(t) >= n + H and decreases when p(t) <= n - H,
 where p is the planned joint position in steps. The oracle applies the rule to the continuous functions of the
-trajectory. It shares nothing with the firmware that it checks: no integers, no ticks, no chords.
+motion. It shares nothing with the firmware that it checks: no integers, no ticks, no chords.
 
 The method: sample the motion every millisecond, and add its turning points. Between two extremes the motion is monotone
 and crosses its thresholds in order. Two samples bracket each crossing; all crossings are solved together.
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from steptwin.host.common.arrays import FloatArray, Int8Array
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.trajectory import Trajectory, states
+from steptwin.host.planning.motion import Motion
 
 IndexArray = NDArray[np.intp]
 
@@ -203,13 +203,11 @@ class _AxisCounter:
         )
 
 
-def ideal_steps(
-    trajectory: Trajectory, steps_per_unit: FloatArray, start_steps: tuple[int, ...]
-) -> tuple[IdealSteps, ...]:
+def ideal_steps(motion: Motion, steps_per_unit: FloatArray, start_steps: tuple[int, ...]) -> tuple[IdealSteps, ...]:
     """Return the ideal steps of every axis, with instants exact to 0.1 ns.
 
     Args:
-        trajectory: the planned motion.
+        motion: the planned motion.
         steps_per_unit: shape (joints,), steps per mm or degree; a negative value reverses the count.
         start_steps: counter of each axis at t = 0. If it is beyond a threshold from the planned start, its steps are
             made at t = 0.
@@ -220,16 +218,16 @@ def ideal_steps(
     """
     counters = [_AxisCounter(axis, start) for axis, start in enumerate(start_steps)]
     passed = 0.0
-    for grid_s in _grids(trajectory.duration_s):
+    for grid_s in _grids(motion.duration_s):
         parts = [_NO_BRACKETS]
-        samples = _samples(trajectory, steps_per_unit, grid_s)
-        for name, counter, (t_s, position_steps) in zip(trajectory.joint_names, counters, samples, strict=True):
+        samples = _samples(motion, steps_per_unit, grid_s)
+        for name, counter, (t_s, position_steps) in zip(motion.joint_names, counters, samples, strict=True):
             passed += counter.passes(position_steps)
             if passed > CROSSINGS_MAX:
                 raise InputError(f"{name}: from its count at the start, the plan takes more than {CROSSINGS_MAX} steps")
             parts += counter.follow(t_s, position_steps)
         brackets = _Brackets.joined(parts)
-        time_s, speeds_hz = _solve(trajectory, steps_per_unit, brackets)
+        time_s, speeds_hz = _solve(motion, steps_per_unit, brackets)
         for axis, counter in enumerate(counters):
             own = brackets.axis == axis
             counter.keep(time_s[own], brackets.signs[own], speeds_hz[own])
@@ -244,16 +242,14 @@ def _grids(duration_s: float) -> Iterator[FloatArray]:
         yield np.minimum(np.arange(first, last + 1) / SAMPLES_PER_SECOND, duration_s)
 
 
-def _samples(
-    trajectory: Trajectory, steps_per_unit: FloatArray, grid_s: FloatArray
-) -> Iterator[tuple[FloatArray, FloatArray]]:
+def _samples(motion: Motion, steps_per_unit: FloatArray, grid_s: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Yield for each axis the times and positions in steps, on the grid and at the turning points between its times."""
-    position_steps, velocity_hz = (values * steps_per_unit for values in states(trajectory, grid_s))
-    _check_finite(trajectory, grid_s, position_steps)
+    position_steps, velocity_hz = (values * steps_per_unit for values in motion.states(grid_s))
+    _check_finite(motion, grid_s, position_steps)
     cell, axis = _turning_cells(velocity_hz)
 
     def velocity_at(t_s: FloatArray, which: IndexArray) -> FloatArray:
-        return _pick(trajectory.velocities(t_s) * steps_per_unit, axis[which])
+        return _pick(motion.velocities(t_s) * steps_per_unit, axis[which])
 
     turning_s = bracketed_roots(
         velocity_at,
@@ -263,7 +259,7 @@ def _samples(
         velocity_hz[cell + 1, axis],
         TIME_TOLERANCE_S,
     )
-    turning_steps = _pick(trajectory.positions(turning_s) * steps_per_unit, axis)
+    turning_steps = _pick(motion.positions(turning_s) * steps_per_unit, axis)
     for j in range(len(steps_per_unit)):
         own = axis == j
         where = cell[own] + 1
@@ -273,11 +269,11 @@ def _samples(
         )
 
 
-def _check_finite(trajectory: Trajectory, grid_s: FloatArray, position_steps: FloatArray) -> None:
+def _check_finite(motion: Motion, grid_s: FloatArray, position_steps: FloatArray) -> None:
     bad = np.argwhere(~np.isfinite(position_steps))
     if len(bad):
         sample, axis = bad[0]
-        value, name = position_steps[sample, axis], trajectory.joint_names[axis]
+        value, name = position_steps[sample, axis], motion.joint_names[axis]
         raise ValueError(f"planned position of {name} is {value} at {grid_s[sample]:g} s")
 
 
@@ -297,21 +293,19 @@ def _extremes(position_steps: FloatArray) -> IndexArray:
     return np.concatenate(([0], turning, [len(position_steps) - 1]))
 
 
-def _solve(trajectory: Trajectory, steps_per_unit: FloatArray, brackets: _Brackets) -> tuple[FloatArray, FloatArray]:
+def _solve(motion: Motion, steps_per_unit: FloatArray, brackets: _Brackets) -> tuple[FloatArray, FloatArray]:
     """Return instant and speed of every crossing."""
     time_s = np.empty(len(brackets.axis))
     speeds_hz = np.empty(len(brackets.axis))
     for first in range(0, len(time_s), CROSSINGS_PER_CHUNK):
         part = slice(first, first + CROSSINGS_PER_CHUNK)
-        time_s[part], speeds_hz[part] = _solve_part(trajectory, steps_per_unit, brackets[part])
+        time_s[part], speeds_hz[part] = _solve_part(motion, steps_per_unit, brackets[part])
     return time_s, speeds_hz
 
 
-def _solve_part(
-    trajectory: Trajectory, steps_per_unit: FloatArray, brackets: _Brackets
-) -> tuple[FloatArray, FloatArray]:
+def _solve_part(motion: Motion, steps_per_unit: FloatArray, brackets: _Brackets) -> tuple[FloatArray, FloatArray]:
     def distance_at(t_s: FloatArray, which: IndexArray) -> FloatArray:
-        position_steps = _pick(trajectory.positions(t_s) * steps_per_unit, brackets.axis[which])
+        position_steps = _pick(motion.positions(t_s) * steps_per_unit, brackets.axis[which])
         return position_steps - brackets.thresholds_steps[which]
 
     time_s = bracketed_roots(
@@ -322,7 +316,7 @@ def _solve_part(
         brackets.high_steps - brackets.thresholds_steps,
         TIME_TOLERANCE_S,
     )
-    return time_s, np.abs(_pick(trajectory.velocities(time_s) * steps_per_unit, brackets.axis))
+    return time_s, np.abs(_pick(motion.velocities(time_s) * steps_per_unit, brackets.axis))
 
 
 def _pick(values: FloatArray, axis: IndexArray) -> FloatArray:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from steptwin.host.planning.trajectory import OutputChange
+from steptwin.host.planning.motion import OutputChange
 from steptwin.host.verify.evidence import AxisEvidence, Evidence, SpeedReport
 from steptwin.host.verify.figures import AxisReport
 

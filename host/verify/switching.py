@@ -7,7 +7,7 @@ live board, only define the initial level.
 from collections.abc import Sequence
 from dataclasses import replace
 
-from steptwin.host.planning.trajectory import OutputChange
+from steptwin.host.planning.motion import OutputChange
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify.evidence import AxisEvidence, Evidence, OutputEdge
 

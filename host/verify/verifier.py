@@ -112,7 +112,7 @@ def verify_comparison(comparison: Comparison, run: RunInfo) -> Report:
         for skew in skews
         if skew.skew_max > skew.limit
     ]
-    outputs = output_reports(comparison.expected.trajectory.output_changes, comparison.evidence)
+    outputs = output_reports(comparison.expected.motion.output_changes, comparison.evidence)
     reasons += output_reasons(outputs, comparison.evidence)
     violations = violation_reports(comparison.evidence)
     evidence, documents = comparison.evidence, {}
@@ -228,7 +228,7 @@ def _right_end(comparison: Comparison, index: int, axis: AxisReport) -> bool:
     if gates.step_rule:
         microsteps = expected.microsteps_of(index)
         return _follows_step_rule(axis.position_error_steps_max, axis.threshold_error_steps_max, microsteps)
-    planned = float(expected.axis_position(index, np.array([expected.trajectory.duration_s]))[0])
+    planned = float(expected.axis_position(index, np.array([expected.motion.duration_s]))[0])
     least, most = any_rule_end(planned, comparison.matchings[index].off_steps, gates.position_error_steps)
     return least <= axis.steps_end <= most
 

@@ -14,8 +14,8 @@ from steptwin.host.client import Machine, Progress, StreamedMotion
 from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
 from steptwin.host.common.arrays import Int64Array
 from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.motion import DEFAULT_POINT_MS
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.trajectory import DEFAULT_POINT_MS
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.twin.embedded.outcome import Outcome

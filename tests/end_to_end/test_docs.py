@@ -9,21 +9,20 @@ from typing import Any
 import pytest
 
 from docs.generate.command_line import COMMAND_LINE_PAGE, render_command_line
+from docs.generate.commands import DOCS
 from docs.generate.conform_page import CONFORM_PAGE
 from docs.generate.driver_page import DRIVER_PAGE
-from docs.generate.gcode_page import GCODE_PAGE
 from docs.generate.machine_pages import (
     CONTROL_PORT_PAGE,
     FAULTS_PAGE,
-    MACHINE_PAGE,
     RUN_FOLDER_PAGE,
-    render_machine_options,
 )
-from docs.generate.paper_pages import PAPERS
+from docs.generate.paper_pages import PAPERS, PAPERS_FOLDER, render_paper
+from docs.generate.paper_results import SAMPLED
 from docs.generate.pictures import WAVEFORM_PAGE
+from docs.generate.programs_page import PROGRAMS_PAGE
 from docs.generate.protocol import PROTOCOL_PAGE
 from docs.generate.robot_drawings import ROBOT_FILES_PAGE, drawing
-from docs.generate.robots_page import PAGE, SAMPLED, render_robots
 from docs.generate.runs import Runs
 from docs.generate.tables import WrittenValue, read_robot_file
 from steptwin.host.cli.app import run
@@ -36,20 +35,20 @@ from steptwin.host.robots.switches import JointHoming, JointSwitches
 from tests.end_to_end.marks import slow_but
 from tests.end_to_end.pages import ROOT, run_python
 
-TEXT = PAGE.read_text(encoding="utf-8")
-BENCHMARKS = (PAGE.parent / "benchmarks.md").read_text(encoding="utf-8")
-MACHINES_PAGE = (PAGE.parent / "machines.md").read_text(encoding="utf-8")
-ROBOT_FILES = (PAGE.parent / "robot-files.md").read_text(encoding="utf-8")
-ALL_TEXT = "".join(path.read_text(encoding="utf-8") for path in sorted(PAGE.parent.glob("*.md")))
+BENCHMARKS = (DOCS / "benchmarks.md").read_text(encoding="utf-8")
+MACHINES_PAGE = (DOCS / "machines.md").read_text(encoding="utf-8")
+ROBOT_FILES = (DOCS / "robot-files.md").read_text(encoding="utf-8")
+ALL_TEXT = "".join(path.read_text(encoding="utf-8") for path in sorted(DOCS.glob("*.md")))
 PICTURE_BYTES_MAX = 120_000
 CHEAP = {"teaching-scara"}
 """Robots whose jobs take little time."""
 
 
 @pytest.mark.slow
-def test_the_page_is_up_to_date(runs: Runs) -> None:
+@pytest.mark.parametrize("robot", PAPERS)
+def test_the_page_of_a_paper_is_up_to_date(robot: str, runs: Runs) -> None:
     """If this fails, run `make docs` and review what changed."""
-    assert render_robots(runs) == TEXT
+    assert render_paper(robot, runs) == (PAPERS_FOLDER / f"{robot}.md").read_text(encoding="utf-8")
 
 
 def test_the_protocol_page_is_up_to_date() -> None:
@@ -70,16 +69,12 @@ def test_the_page_of_the_control_port_is_up_to_date() -> None:
     assert CONTROL_PORT_PAGE.render() == CONTROL_PORT_PAGE.path.read_text(encoding="utf-8")
 
 
-def test_the_page_of_gcode_is_up_to_date() -> None:
-    assert GCODE_PAGE.render() == GCODE_PAGE.path.read_text(encoding="utf-8")
+def test_the_page_of_programs_is_up_to_date() -> None:
+    assert PROGRAMS_PAGE.render() == PROGRAMS_PAGE.path.read_text(encoding="utf-8")
 
 
 def test_the_page_of_the_run_folder_is_up_to_date() -> None:
     assert RUN_FOLDER_PAGE.render() == RUN_FOLDER_PAGE.path.read_text(encoding="utf-8")
-
-
-def test_the_page_of_the_machines_options_is_up_to_date() -> None:
-    assert render_machine_options() == MACHINE_PAGE.read_text(encoding="utf-8")
 
 
 def test_the_page_of_the_command_line_is_up_to_date() -> None:
@@ -111,29 +106,37 @@ def test_every_kind_has_a_drawing(kind: str) -> None:
 
 
 def test_every_robot_is_described() -> None:
-    """Those of papers in docs/robots.md, machines that people build in docs/machines.md."""
+    """Those of papers in docs/papers, machines that people build in docs/machines.md."""
     assert {*PAPERS, *MACHINES} == set(robot_names())
     assert [name for name in MACHINES if f"`{name}`" not in MACHINES_PAGE] == []
+
+
+def test_the_robots_of_papers_have_one_board() -> None:
+    """As docs/machines.md says."""
+    boards = [read_robot_file(name)["board"] for name in PAPERS]
+    assert all(board == boards[0] for board in boards)
 
 
 def test_links_lead_somewhere() -> None:
     targets = re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", ALL_TEXT)
     assert len(targets) > 30
     for target in targets:
-        assert target.startswith("https://") or (PAGE.parent / target).exists(), target
+        assert target.startswith("https://") or (DOCS / target).exists(), target
 
 
 def test_pictures_are_small() -> None:
-    pictures = set(re.findall(r"\((pictures/[^)]+)\)", ALL_TEXT))
-    files = (path for path in (PAGE.parent / "pictures").rglob("*") if path.is_file())
-    assert {path.relative_to(PAGE.parent).as_posix() for path in files} == pictures
+    papers = "".join(path.read_text(encoding="utf-8") for path in sorted(PAPERS_FOLDER.glob("*.md")))
+    pictures = set(re.findall(r"\((?:\.\./)?(pictures/[^)]+)\)", ALL_TEXT + papers))
+    files = (path for path in (DOCS / "pictures").rglob("*") if path.is_file())
+    assert {path.relative_to(DOCS).as_posix() for path in files} == pictures
     for name in pictures:
         bytes_max = 500_000 if name.endswith(".gif") else PICTURE_BYTES_MAX
-        assert (PAGE.parent / name).stat().st_size < bytes_max, name
+        assert (DOCS / name).stat().st_size < bytes_max, name
 
 
 def test_python(tmp_path: Path) -> None:
-    (code,) = re.findall(r"^```python\n(.*?)^```", TEXT, flags=re.MULTILINE | re.DOTALL)
+    page = (PAPERS_FOLDER / "teaching-scara.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"^```python\n(.*?)^```", page, flags=re.MULTILINE | re.DOTALL)
     run_python(code, tmp_path)
 
 
@@ -185,7 +188,9 @@ def test_a_robot_file_is_read_with_its_notes() -> None:
 
 
 @pytest.mark.parametrize(
-    "page", [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))], ids=lambda page: page.name
+    "page",
+    [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted(PAPERS_FOLDER.glob("*.md"))],
+    ids=lambda page: page.name,
 )
 def test_links_of_every_page_lead_somewhere(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):

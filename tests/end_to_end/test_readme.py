@@ -1,4 +1,4 @@
-"""The README and the page of commands do what they tell."""
+"""The README and the page of a first run do what they say."""
 
 import re
 import shlex
@@ -12,7 +12,7 @@ from tests.end_to_end.marks import slow_but
 from tests.end_to_end.pages import ROOT, blocks_of, read_page, run_python
 
 README = read_page("README.md")
-PAGE = read_page("docs/commands.md")
+PAGE = read_page("docs/first-run.md")
 MOTIONS = read_page("docs/motions.md")
 BLOCKS = blocks_of(PAGE)
 COMMANDS = [
@@ -54,13 +54,6 @@ PROGRAMS = dict.fromkeys(
 )
 def test_python(code: str, tmp_path: Path) -> None:
     run_python(code, tmp_path)
-
-
-def test_the_csv_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (csv,) = [block for language, block in BLOCKS if language == "csv"]
-    (tmp_path / "mine.csv").write_text(csv, encoding="utf-8")
-    assert run(["run", "teaching-scara", str(tmp_path / "mine.csv")]) == 0
-    assert "PASSED" in capsys.readouterr().out
 
 
 @pytest.mark.slow

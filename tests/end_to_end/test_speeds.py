@@ -13,7 +13,7 @@ from steptwin.host.operate.inputs_outputs import streamed_motion
 from steptwin.host.operate.session import Session
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.laws import Trapezoid
-from steptwin.host.planning.motions.joint_move import JointMove
+from steptwin.host.planning.motions.joint_move import joint_move
 from steptwin.host.planning.plan import Plan, highest_speed
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
@@ -54,8 +54,8 @@ def _until(come: Callable[[], bool], wait: Callable[[float], None]) -> None:
 
 
 def judged(board: EmbeddedBoard, made: Plan, evidence: Evidence | None = None) -> Report:
-    facts = RunInfo(made.robot.name, "job", made.trajectory.duration_s, board.bus_report(), board.now_s(), 1.0)
-    return verify(Expectation.of(made.robot, made.trajectory), evidence or board.evidence(), facts)
+    facts = RunInfo(made.robot.name, "job", made.motion.duration_s, board.bus_report(), board.now_s(), 1.0)
+    return verify(Expectation.of(made.robot, made.motion), evidence or board.evidence(), facts)
 
 
 @cache
@@ -99,7 +99,7 @@ def test_the_verdict_is_by_the_motions_own_time(fast_kernel: Kernel, duration_s:
     blind = replace(blind, axes=tuple(replace(axis, rates=AS_PLANNED) for axis in blind.axes))
     assert not judged(board, pull, blind).passed, "by the clock it is another motion"
     if len(changes) == 1:
-        rest_s = pull.trajectory.duration_s - changes[0][0]
+        rest_s = pull.motion.duration_s - changes[0][0]
         assert took_s == pytest.approx(changes[0][0] + rest_s * 100 / changes[0][1], abs=0.5)
 
 
@@ -156,7 +156,7 @@ def test_at_the_highest_speed_the_driver_is_at_its_limit_and_not_beyond(fast_ker
     sz, limit_hz = 1, robot.board.driver_rate_max_hz
     way = 40_000 / robot.joints[sz].transmission.steps_per_unit
     goal = (*robot.home[:sz], robot.home[sz] + way, *robot.home[sz + 1 :])
-    made = plan(robot, JointMove(robot.joint_names, robot.home, goal, _law(40_000, limit_hz * 100 / percent)))
+    made = plan(robot, joint_move(robot.joint_names, robot.home, goal, _law(40_000, limit_hz * 100 / percent)))
     assert highest_speed(made).percent in (percent - 1, percent)
     board, _ = executed(fast_kernel, made, [(0.2, highest_speed(made).percent)])
     report = judged(board, made)

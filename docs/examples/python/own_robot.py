@@ -11,7 +11,7 @@ CENTRE_MM = np.array([150.0, 150.0])
 RADIUS_MM = 60.0
 
 
-def star(robot: steptwin.Robot) -> steptwin.Trajectory:
+def star(robot: steptwin.Robot) -> steptwin.Motion:
     """Return the pen's way: from the home position to the star, its five lines, and up again."""
     angles_rad = np.radians(90 + 144 * np.arange(6))
     corners_mm = CENTRE_MM + RADIUS_MM * np.column_stack([np.cos(angles_rad), np.sin(angles_rad)])

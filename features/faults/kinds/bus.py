@@ -21,7 +21,7 @@ from steptwin.features.faults.reaction import (
     RUN_DRY,
     TICK_MS,
     Documented,
-    Motion,
+    MotionEffect,
     Reaction,
     stops,
 )
@@ -64,7 +64,7 @@ def _to_all(command: NmtCommand) -> "Callable[[RogueFrame | Babble, Moment], boo
 _ROGUE_FRAMES: Final = (
     Documented(
         "a rogue node stops all nodes (NMT)",
-        Reaction(Motion.RAMP, (), State.FAULT, TICK_MS, others=(ErrorCode.COMMUNICATION,)),
+        Reaction(MotionEffect.RAMP, (), State.FAULT, TICK_MS, others=(ErrorCode.COMMUNICATION,)),
         "0x6007 acts; a stopped node sends no EMCY: 0x8100 comes when it is started again",
         _to_all(NmtCommand.STOP),
     ),
@@ -76,14 +76,14 @@ _ROGUE_FRAMES: Final = (
     ),
     Documented(
         "a rogue node resets all nodes (NMT)",
-        Reaction(Motion.RAMP, (), State.SWITCH_ON_DISABLED, TICK_MS),
+        Reaction(MotionEffect.RAMP, (), State.SWITCH_ON_DISABLED, TICK_MS),
         "0x6007 acts; each node is silent until its axis stands, then starts as after power-up",
         _to_all(NmtCommand.RESET_NODE),
     ),
     Documented(
         "a rogue node sends frames",
         Reaction(
-            Motion.GOES_ON,
+            MotionEffect.GOES_ON,
             (
                 *RUN_DRY,
                 ErrorCode.COMMUNICATION,
@@ -264,7 +264,7 @@ class FrameLoss(BusFault):
         ),
         Documented(
             "SYNC lost",
-            Reaction(Motion.NOT_BEGUN, (ErrorCode.HEARTBEAT_LOST,), State.FAULT, certain=False),
+            Reaction(MotionEffect.NOT_BEGUN, (ErrorCode.HEARTBEAT_LOST,), State.FAULT, certain=False),
             "the host notices that no axis starts, and gives up",
             lambda fault, _: _only(COB_SYNC, fault),
         ),
@@ -394,7 +394,7 @@ class BusOff(MachineFault):
         ),
         Documented(
             "the host's controller leaves the bus",
-            Reaction(Motion.GOES_ON, (ErrorCode.CAN_ERROR_PASSIVE, ErrorCode.CAN_OVERRUN), certain=False),
+            Reaction(MotionEffect.GOES_ON, (ErrorCode.CAN_ERROR_PASSIVE, ErrorCode.CAN_OVERRUN), certain=False),
             "it is back after 128 x 11 bits, which the queues bridge",
         ),
     )
@@ -427,7 +427,7 @@ class HostBitRate(MachineFault):
         ),
         Documented(
             "the host has another bit rate than the boards",
-            Reaction(Motion.RAMP, (), State.FAULT, HEARTBEAT_MS, certain=False, others=_OF_BAD_BUS),
+            Reaction(MotionEffect.RAMP, (), State.FAULT, HEARTBEAT_MS, certain=False, others=_OF_BAD_BUS),
             "the boards cannot send and leave the bus (0x6007), or miss the host's heartbeat, unless it has theirs"
             " again in time; their EMCYs come through afterwards",
         ),

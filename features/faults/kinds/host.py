@@ -12,7 +12,7 @@ from steptwin.features.faults.reaction import (
     QUEUE_MS,
     RUN_DRY,
     Documented,
-    Motion,
+    MotionEffect,
     Reaction,
     stops,
 )
@@ -78,7 +78,7 @@ class HostFault(Fault):
         ),
         Documented(
             "host dies and starts again",
-            Reaction(Motion.RAMP, HOST_LOST, State.OPERATION_ENABLED, HEARTBEAT_MS, certain=False),
+            Reaction(MotionEffect.RAMP, HOST_LOST, State.OPERATION_ENABLED, HEARTBEAT_MS, certain=False),
             "the new one waits for rest, resets the fault and enables the drives; the motion is not continued",
             lambda fault, _: fault.kind is HostFaultKind.RESTART,
         ),

@@ -15,7 +15,7 @@ from steptwin.features.faults.reaction import (
     TICK_MS,
     UNKNOWABLE,
     Documented,
-    Motion,
+    MotionEffect,
     Reaction,
     stops,
 )
@@ -78,7 +78,7 @@ class Supply(BoardFault):
     reactions = (
         Documented(
             "motor supply below 10.00 V",
-            stops(ErrorCode.UNDERVOLTAGE, motion=Motion.CUT),
+            stops(ErrorCode.UNDERVOLTAGE, motion=MotionEffect.CUT),
             "without its supply no driver can follow a ramp",
             lambda fault, _: fault.supply_10mv < SUPPLY_RANGE_10MV.start,
         ),
@@ -258,14 +258,14 @@ def _one_of_several(fault: "BrownOut | WatchdogReset", moment: "Moment") -> bool
 _RESETS: Final = (
     Documented(
         "one of several boards browns out for a time, or its watchdog resets it",
-        Reaction(Motion.CUT, (), State.SWITCH_ON_DISABLED, LOST_BOARD_MS, others=HOST_LOST),
+        Reaction(MotionEffect.CUT, (), State.SWITCH_ON_DISABLED, LOST_BOARD_MS, others=HOST_LOST),
         "its own axes stop at once, and are to be homed; the host stops those of the other boards when this board"
         " announces itself again, or after 1 s of silence",
         _one_of_several,
     ),
     Documented(
         "a board's logic browns out for a time, or its watchdog resets it",
-        Reaction(Motion.CUT, (), State.SWITCH_ON_DISABLED, TICK_MS),
+        Reaction(MotionEffect.CUT, (), State.SWITCH_ON_DISABLED, TICK_MS),
         "its nodes announce themselves again and know no position; home them",
     ),
 )
@@ -287,13 +287,13 @@ class BrownOut(MachineFault):
     reactions = (
         Documented(
             "one of several boards is without supply from now on",
-            Reaction(Motion.CUT, begins_ms=LOST_BOARD_MS, others=HOST_LOST),
+            Reaction(MotionEffect.CUT, begins_ms=LOST_BOARD_MS, others=HOST_LOST),
             "its nodes are silent; the host stops the axes of the other boards after 1 s",
             lambda fault, moment: _one_of_several(fault, moment) and fault.for_ms is None,
         ),
         Documented(
             "a board's logic is without supply from now on",
-            Reaction(Motion.CUT, begins_ms=TICK_MS),
+            Reaction(MotionEffect.CUT, begins_ms=TICK_MS),
             "its nodes are silent, which the host notices after 1 s, until `power-up`: then as below",
             lambda fault, _: fault.for_ms is None,
         ),

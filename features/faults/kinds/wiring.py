@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
 
 from steptwin.emulator.drivers.axis_wires import NOISE_RATE_MAX_HZ, Condition, Noise, Wire, WireState
 from steptwin.features.faults.fault import AxisFault, Fault, Key, KeyKind, Keys
-from steptwin.features.faults.reaction import GOES_ON, UNKNOWABLE, Documented, Motion, Reaction, stops
+from steptwin.features.faults.reaction import GOES_ON, UNKNOWABLE, Documented, MotionEffect, Reaction, stops
 from steptwin.host.common.errors import InputError
 from steptwin.protocol.cia402 import SWITCH_INPUTS, DigitalInput, ErrorCode
 from steptwin.protocol.drivers import ChipSheet, one_of
@@ -212,7 +212,7 @@ class DriverProtect(AxisFault):
     reactions = (
         Documented(
             "Protect of a driver low",
-            stops(ErrorCode.TEMPERATURE, motion=Motion.CUT),
+            stops(ErrorCode.TEMPERATURE, motion=MotionEffect.CUT),
             "this driver has switched itself off; the other axes stop by a ramp",
             lambda fault, _: fault.active,
         ),
@@ -296,7 +296,7 @@ class OscCapacitor(AxisFault):
     reactions = (
         Documented(
             "another capacitor at OSC",
-            Reaction(Motion.GOES_ON, verified=False),
+            Reaction(MotionEffect.GOES_ON, verified=False),
             "with a larger one the chip misses pulses; the verdict tells it",
         ),
     )
@@ -338,7 +338,7 @@ class ShortCircuit(AxisFault):
     reactions = (
         Documented(
             "motor short-circuited, its driver is on and its fault output wired",
-            replace(stops(ErrorCode.OUTPUT_STAGE, motion=Motion.CUT), others=(ErrorCode.CAN_OVERRUN,)),
+            replace(stops(ErrorCode.OUTPUT_STAGE, motion=MotionEffect.CUT), others=(ErrorCode.CAN_OVERRUN,)),
             "the driver has switched itself off, and what ends that depends on it; the other axes stop by a ramp; where"
             " ENABLE ends it the input falls at once, and reports of both may be one too many for the node's queue",
             _tripped_and_reported,

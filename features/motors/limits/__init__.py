@@ -12,8 +12,8 @@ import numpy as np
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.planning.drives import LEFT_PERCENT, DriveLimits
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.peaks import Samples, sampled
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def motor_limits(robot: Robot, left_percent: float) -> DriveLimits:
     return MotorLimits.of(robot, left_percent)
 
 
-def motor_forecast(robot: Robot, motion: Trajectory) -> str | None:
+def motor_forecast(robot: Robot, motion: Motion) -> str | None:
     """Return a warning if a robot's motors will or may slip in a motion; None if 30 % of their torque are left.
 
     It compares steady torques at each millisecond. Oscillations need rotors that turn (`run --motors`, or limits by
@@ -64,7 +64,7 @@ def _parts(samples: Samples) -> Iterator[Samples]:
         yield Samples(*(each[begin : begin + _PART_MS + 1] for each in samples))
 
 
-def _least_left(limits: "MotorLimits", motion: Trajectory, samples: Samples) -> tuple[float, int, float]:
+def _least_left(limits: "MotorLimits", motion: Motion, samples: Samples) -> tuple[float, int, float]:
     """Return the least torque left to a motor in a window, in percent, with its axis and its time."""
     from steptwin.features.motors.rotors.torques import needed_torque_nm
     from steptwin.features.motors.turning.poses import rotors_of
@@ -82,7 +82,7 @@ def _least_left(limits: "MotorLimits", motion: Trajectory, samples: Samples) -> 
     return 100.0 * (1.0 - float(used[row, axis])), int(axis), float(samples.t_s[row])
 
 
-def _held(robot: Robot, motion: Trajectory, t_s: FloatArray) -> BoolArray:
+def _held(robot: Robot, motion: Motion, t_s: FloatArray) -> BoolArray:
     """Return when the tool carries the payload: always, unless an output takes and leaves it."""
     held_by = robot.dynamics.payload_held_by if robot.dynamics else ""
     held = np.full(len(t_s), not held_by)

@@ -36,7 +36,8 @@ from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.planning.drives import DriveAnswer
-from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.motion import Motion
+from steptwin.host.planning.motions.sampled import Spline
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots.robot import Robot
@@ -283,10 +284,10 @@ class MotorsOnPath:
             np.full(len(squares), np.inf),
         )
 
-    def used(self, motion: Sampled, s: FloatArray) -> FloatArray:
+    def used(self, cubics: Spline, s: FloatArray) -> FloatArray:
         """Return the used fraction of each motor's usable torque at the ends of cubics, shape (records, axes)."""
-        times_s = np.asarray(motion.curve.x)
-        positions, velocities = motion.positions(times_s), motion.velocities(times_s)
+        times_s = cubics.knots_s
+        positions, velocities = cubics.positions(times_s), cubics.velocities(times_s)
         dt_s = np.diff(times_s)[:, np.newaxis]
         chord = np.diff(positions, axis=0) / dt_s
         first = (6 * chord - 4 * velocities[:-1] - 2 * velocities[1:]) / dt_s
@@ -305,12 +306,12 @@ class MotorsOnPath:
                     np.maximum(most, np.where(where[rows][:, np.newaxis], needed / available, 0.0), out=most)
         return most
 
-    def tried(self, motion: Sampled, s: FloatArray) -> DriveTrial:
+    def tried(self, motion: Motion, s: FloatArray) -> DriveTrial:
         """Turn the rotors by the motion, and by a faster one."""
         return rotor_trial(self.limits.robot, motion, s, self.load, self.average_s + self.shaper.delays_s[-1])
 
 
-def rotor_trial(robot: Robot, motion: Sampled, s: FloatArray, load: PathLoad, average_s: float) -> DriveTrial:
+def rotor_trial(robot: Robot, motion: Motion, s: FloatArray, load: PathLoad, average_s: float) -> DriveTrial:
     """Turn the rotors by a motion whose cubics end at places `s` of the path, with the load at each place."""
     planned = plan(robot, motion)
     comparison = execute(planned, "", fastest_kernel(), progress=lambda _: check_planning_time()).comparison
@@ -356,10 +357,10 @@ def _slips_at(driving: Driving) -> float | None:
     return slips
 
 
-def _payload(driving: Driving, planned: Plan, motion: Sampled, s: FloatArray, load: PathLoad) -> PayloadTimes:
+def _payload(driving: Driving, planned: Plan, motion: Motion, s: FloatArray, load: PathLoad) -> PayloadTimes:
     """Return when the payload hangs at the tool. A change counts from the earliest place where it may occur."""
     at = np.minimum(np.searchsorted(s, [change.from_s for change in load.changes]), len(s) - 1)
-    times_s = np.asarray(motion.curve.x)[at]
+    times_s = motion.knots_s[at]
     if planned.changed is not None:
         times_s = np.array([planned.changed.later_s(t_s) for t_s in times_s.tolist()])
     counts = driving.start_counts + np.rint(times_s * COUNTS_PER_SECOND).astype(np.int64)

@@ -140,11 +140,11 @@ def _searches(driving: Driving, comparison: Comparison) -> Sequence[Search]:
 def stretch_of_drivers(comparison: Comparison) -> float | None:
     """Return the shortest stretch with which no driver exceeds its step rate; None if nothing moves."""
     expected = comparison.expected
-    robot, trajectory = expected.robot, expected.trajectory
+    robot, motion = expected.robot, expected.motion
     if robot is None:
         return None
-    t_s = np.linspace(0.0, trajectory.duration_s, 2 + int(1000.0 * trajectory.duration_s))
-    peak_hz = float(np.abs(expected.axis_steps(trajectory.velocities(t_s))).max())
+    t_s = np.linspace(0.0, motion.duration_s, 2 + int(1000.0 * motion.duration_s))
+    peak_hz = float(np.abs(expected.axis_steps(motion.velocities(t_s))).max())
     if peak_hz == 0.0:
         return None
     return max(peak_hz / robot.board.driver_rate_max_hz, _STRETCH_LEAST)

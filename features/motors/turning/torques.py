@@ -86,11 +86,11 @@ def torques_of_plan(driving: Driving, comparison: Comparison, supply_v: float | 
 
 def needs_of_plan(driving: Driving, comparison: Comparison) -> Needs:
     """Return the needs of a plan, with the payload while it hangs at the tool."""
-    robot, trajectory = driving.robot, comparison.expected.trajectory
-    t_s = np.arange(0.0, trajectory.duration_s + _EVERY_S / 2, _EVERY_S).clip(max=trajectory.duration_s)
+    robot, motion = driving.robot, comparison.expected.motion
+    t_s = np.arange(0.0, motion.duration_s + _EVERY_S / 2, _EVERY_S).clip(max=motion.duration_s)
     rad_per_unit = 2.0 * pi / np.array([joint.transmission.travel_per_rev for joint in robot.axes])
-    rad = robot.coupling.to_axes(trajectory.positions(t_s)) * rad_per_unit
-    rad_s = robot.coupling.to_axes(trajectory.velocities(t_s)) * rad_per_unit
+    rad = robot.coupling.to_axes(motion.positions(t_s)) * rad_per_unit
+    rad_s = robot.coupling.to_axes(motion.velocities(t_s)) * rad_per_unit
     rad_s2 = np.asarray(np.gradient(rad_s, _EVERY_S, axis=0))
     drives = [drive_of(joint, driving.chip) for joint in robot.axes]
     held = driving.payload.at(np.rint(driving.start_counts + t_s * COUNTS_PER_SECOND).astype(np.int64))

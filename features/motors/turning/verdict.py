@@ -46,7 +46,7 @@ class ToolPaths:
         first = min(int(np.searchsorted(trace.counts, driving.start_counts)), len(trace.counts) - 1)
         shown = slice(first, max(int(np.searchsorted(trace.counts, driving.off_counts)), first + 1))
         t_s = (trace.counts[shown] - driving.start_counts) / COUNTS_PER_SECOND
-        planned = expected.trajectory.positions(np.minimum(t_s, expected.trajectory.duration_s))
+        planned = expected.motion.positions(np.minimum(t_s, expected.motion.duration_s))
         steps = np.column_stack([axis.around(t_s)[1] for axis in comparison.counted])
         forward = expected.actual_forward or expected.forward
         return cls(
@@ -306,15 +306,15 @@ def _first_slip(driving: Driving, comparison: Comparison, torques: Torques, trac
     if slip is None:
         return None
     axis, at_s = driving.robot.axis_names.index(slip.joint), slip.at_s
-    trajectory = comparison.expected.trajectory
-    in_motion_s = min(max(at_s, 0.0), trajectory.duration_s)
+    motion = comparison.expected.motion
+    in_motion_s = min(max(at_s, 0.0), motion.duration_s)
     first, last = np.searchsorted(torques.t_s, (in_motion_s - _BEFORE_S, in_motion_s), side="left").tolist()
     worst = first + int(np.argmin(torques.margins[first : last + 1, axis]))
-    positions = trajectory.positions(np.array([in_motion_s]))[0].tolist()
+    positions = motion.positions(np.array([in_motion_s]))[0].tolist()
     return FirstSlip(
         name=slip.joint,
         at_s=at_s,
-        place=dict(zip(trajectory.joint_names, positions, strict=True)),
+        place=dict(zip(motion.joint_names, positions, strict=True)),
         torque_needed_nm=float(abs(torques.needed_nm[worst, axis])),
         torque_available_nm=float(torques.available_nm[worst, axis]),
         rpm=float(abs(torques.rpm[worst, axis])),

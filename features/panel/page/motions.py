@@ -28,10 +28,10 @@ from steptwin.host.common.errors import InputError, StepTwinError
 from steptwin.host.planning.drives import known_drives
 from steptwin.host.planning.jobs import job_fields, make_job
 from steptwin.host.planning.jobs.options import OptionField
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan, plan_stretched
 from steptwin.host.planning.programs import SUFFIX, compile_program, read_program
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.planning.trajectory_file import doubt, read_file_motion
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import tool_places_mm
@@ -133,10 +133,10 @@ def plan_upload(file: UploadedMotion) -> Planned:
         if path.endswith(SUFFIX):
             program = compile_program(read_program(path), robot, drives=known_drives())
             with program.explained(stretch or 1.0):
-                return _planned(robot, program.trajectory, stretch), None
+                return _planned(robot, program.motion, stretch), None
         motion = read_file_motion(path, robot, units=file.units)
         with motion.explained(stretch or 1.0):
-            planned = _planned(robot, motion.trajectory, stretch)
+            planned = _planned(robot, motion.whole, stretch)
         if file.units != USUAL_UNITS:
             return planned, None
         doubted = doubt(motion, planned, lambda other: read_file_motion(path, robot, units=other))
@@ -147,12 +147,12 @@ def plan_upload(file: UploadedMotion) -> Planned:
 
 def path_mm(plan: Plan) -> FloatArray:
     """Return the tool's planned path, shape (n, 3)."""
-    t_s = np.linspace(0.0, plan.trajectory.duration_s, _PATH_POINTS)
-    return tool_places_mm(make_kinematics(plan.robot), plan.trajectory.positions(t_s))
+    t_s = np.linspace(0.0, plan.motion.duration_s, _PATH_POINTS)
+    return tool_places_mm(make_kinematics(plan.robot), plan.motion.positions(t_s))
 
 
-def _planned(robot: Robot, trajectory: Trajectory, stretch: float | None) -> Plan:
-    return plan(robot, trajectory) if stretch == 1.0 else plan_stretched(robot, trajectory, stretch)
+def _planned(robot: Robot, motion: Motion, stretch: float | None) -> Plan:
+    return plan(robot, motion) if stretch == 1.0 else plan_stretched(robot, motion, stretch)
 
 
 PLANNING_S_MAX: Final = 120.0

@@ -85,9 +85,9 @@ def _ends_table(outcome: LiveOutcome) -> None:
 
 
 def _pictures(result: Result, outcome: LiveOutcome) -> None:
-    trajectory, robot = outcome.plan.trajectory, outcome.plan.robot
-    t_s = np.linspace(0.0, trajectory.duration_s, _POINTS)
-    planned = [_points(t_s, joint) for joint in trajectory.positions(t_s).T]
+    motion, robot = outcome.plan.motion, outcome.plan.robot
+    t_s = np.linspace(0.0, motion.duration_s, _POINTS)
+    planned = [_points(t_s, joint) for joint in motion.positions(t_s).T]
     names = list(robot.joint_names)
     _chart("positions: planned (line) and reported (dots), mm and deg", names, planned, _joint_points(result, robot))
     errors = [_points(axis.t_s, axis.error_steps) for axis in result.placed]

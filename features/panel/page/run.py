@@ -282,7 +282,7 @@ class RunTab:
         speed, acceleration = plan.highest(Quantity.SPEED), plan.highest(Quantity.ACCELERATION)
         with self._figures:
             note(
-                f"{plan.trajectory.duration_s:.2f} s; highest speed {speed.percent:.0f} % of the limit ({speed.joint}),"
+                f"{plan.motion.duration_s:.2f} s; highest speed {speed.percent:.0f} % of the limit ({speed.joint}),"
                 f" highest acceleration {acceleration.percent:.0f} % ({acceleration.joint}). "
                 "It keeps all limits: run it when the blue path is what you want.",
                 "good",

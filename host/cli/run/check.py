@@ -135,7 +135,7 @@ def check_program(path: str, text: str, robot_name: str | None, findings: Findin
         "steps": [_step_document(row) for row in compiled.steps],
         **({model.name: forecast} if model and forecast else {}),
     }
-    waits = ", and its waits for inputs" if compiled.trajectory.waits else ""
+    waits = ", and its waits for inputs" if compiled.motion.waits else ""
     said = (
         f"{robot.name} {program.title or 'program'}: {len(compiled.steps)} steps in"
         f" {compiled.executed.duration_s:.3f} s{waits}"
@@ -168,7 +168,7 @@ def _advice(robot: "Robot", compiled: "CompiledProgram", findings: Findings) -> 
 
     with findings.collecting():
         try:
-            plan(robot, compiled.trajectory)
+            plan(robot, compiled.motion)
         except TooFastError as error:
             if not findings.messages:
                 raise

@@ -16,9 +16,9 @@ from steptwin.host.common.features import FileOptions, drive_model
 
 if TYPE_CHECKING:
     from steptwin.host.planning.drives import DriveLimits
+    from steptwin.host.planning.motion import Motion
     from steptwin.host.planning.plan import Plan
     from steptwin.host.planning.polygon import Departure
-    from steptwin.host.planning.trajectory import Trajectory
     from steptwin.host.planning.trajectory_file import FileMotion
     from steptwin.host.robots.robot import Robot
 
@@ -55,7 +55,7 @@ class MotionOptions:
         "Set an option of the job (`steptwin jobs ROBOT` lists them); of a trajectory file: interpolate=spline, linear"
         " or stop, ramps_s=SECONDS, units=rad,m, elbow=right or left, law=fastest; with law=fastest"
         " left_percent=PERCENT; of a file that a step of programs runs: a key of the step. Repeatable"
-        " (docs/trajectory-files.md, docs/programs.md).",
+        " (docs/motions.md, docs/programs.md).",
         "--option",
         "-o",
     )
@@ -139,7 +139,7 @@ def _summary(file: "FileMotion", plan: "Plan") -> str:
     if file.is_fastest:
         ramps = " in the least time"
     return (
-        f"{len(file.points.times_s)} points{branch} in {plan.trajectory.duration_s:.3f} s,"
+        f"{len(file.points.times_s)} points{branch} in {plan.motion.duration_s:.3f} s,"
         f" {_KINDS[file.interpolation]}{ramps}, peak speed {peak.percent:.3g} % of the limit ({peak.joint})"
     )
 
@@ -204,12 +204,12 @@ def choose_motion(
         InputError: the robot cannot execute it, or an option is invalid, which the message names.
     """
     options = {**options, **motion_options.keys(job)}
-    trajectory, file, explained, is_foretold = _motion(robot, job, options, motion_options.drives(robot))
-    plan = _planned(robot, trajectory, motion_options, explained)
+    motion, file, explained, is_foretold = _motion(robot, job, options, motion_options.drives(robot))
+    plan = _planned(robot, motion, motion_options, explained)
     if plan.changed is not None:
         say(f"{job}: {plan.changed.described()}", err=True)
     model = drive_model() if is_foretold else None
-    if model is not None and (forecast := model.forecast(robot, plan.trajectory)):
+    if model is not None and (forecast := model.forecast(robot, plan.motion)):
         warn(f"{job}: {forecast}")
     if file is None or "units" in options:
         return ChosenMotion(job, plan, file)
@@ -224,9 +224,9 @@ _Explained = Callable[[float], AbstractContextManager[None]]
 
 
 class _Motion(NamedTuple):
-    """A motion, the points of its trajectory file, the explanation of a refusal, and True for a motor forecast."""
+    """A motion, the points of its file, the explanation of a refusal, and True for a motor forecast."""
 
-    trajectory: "Trajectory"
+    motion: "Motion"
     file: "FileMotion | None"
     explained: _Explained
     is_foretold: bool = False
@@ -241,7 +241,7 @@ def _motion(robot: "Robot", job: str, options: Mapping[str, str], drives: "Drive
 
     if is_trajectory_file(job):
         file = _read_file(robot, job, options, drives)
-        return _Motion(file.trajectory, file, file.explained)
+        return _Motion(file.whole, file, file.explained)
     if job.endswith(SUFFIX) or is_step_file(job):
         if drives is not None:
             raise InputError(f"option {_LEFT}: a program asks itself, by [limits] left_percent (docs/motors.md)")
@@ -283,19 +283,19 @@ def _program(robot: "Robot", path: str, options: Mapping[str, str]) -> _Motion:
         with prefixed(f"{path}: "), compiled.explained(stretch):
             yield
 
-    return _Motion(compiled.trajectory, None, explained, program.limits is None)
+    return _Motion(compiled.motion, None, explained, program.limits is None)
 
 
-def _planned(robot: "Robot", trajectory: "Trajectory", options: MotionOptions, explained: _Explained) -> "Plan":
+def _planned(robot: "Robot", motion: "Motion", options: MotionOptions, explained: _Explained) -> "Plan":
     """Plan a motion with its slowness, and print the consequence."""
     from steptwin.host.planning.planner import executed_duration_s, plan, plan_stretched
 
     factor = options.factor()
     with naming_options("stretch", interpolate="-o interpolate=", ramps_s="-o ramps_s="), explained(factor or 1.0):
         if options.stretch is None:
-            return plan(robot, trajectory)
-        planned = plan_stretched(robot, trajectory, factor)
-    new_s, old_s = planned.trajectory.duration_s, executed_duration_s(robot, trajectory)
+            return plan(robot, motion)
+        planned = plan_stretched(robot, motion, factor)
+    new_s, old_s = planned.motion.duration_s, executed_duration_s(robot, motion)
     if new_s == old_s:
         say("not stretched: it is slow enough", err=True)
     else:

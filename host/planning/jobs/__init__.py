@@ -17,8 +17,8 @@ from steptwin.host.planning.jobs.options import OptionField, number
 from steptwin.host.planning.jobs.pull_line import PULL_LINE
 from steptwin.host.planning.jobs.spiral import SPIRAL
 from steptwin.host.planning.laws import Cubic
-from steptwin.host.planning.motions.joint_move import JointMove
-from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.planning.motion import Motion
+from steptwin.host.planning.motions.joint_move import joint_move
 from steptwin.host.robots.robot import Robot
 
 __all__ = ["Job", "job_extras", "job_fields", "job_intent", "job_names", "job_options", "job_summary", "make_job"]
@@ -35,14 +35,14 @@ class DemoOptions:
     duration_s: float = number(2.0, 0.01, 60.0, "s")
 
 
-def demo(robot: Robot, options: DemoOptions) -> Trajectory:
+def demo(robot: Robot, options: DemoOptions) -> Motion:
     """Return the calibration robot's move of all joints at once, by a cubic of time.
 
     Its paper (ICMEMTC 2016, Atlantis Press, from p. 918) has no experiment: the move is an assumption. Raises
     InputError if the duration is not a whole number of milliseconds.
     """
     start, goal = (tuple(fitted(robot, np.array(point)).tolist()) for point in (START, GOAL))
-    return JointMove(robot.joint_names, start, goal, Cubic(1.0, options.duration_s))
+    return joint_move(robot.joint_names, start, goal, Cubic(1.0, options.duration_s))
 
 
 DEMO: Final = Job("demo", "all joints at once by a cubic of time", DemoOptions, demo)
@@ -81,8 +81,8 @@ def job_fields(robot: Robot, job_name: str) -> tuple[OptionField, ...]:
 @in_planning_time()
 def make_job(
     robot: Robot, job_name: str, options: Mapping[str, str] | None = None, *, drives: DriveLimits | None = None
-) -> Trajectory:
-    """Return a job's trajectory; options are texts, as on the command line, and may be left out.
+) -> Motion:
+    """Return a job's motion; options are texts, as on the command line, and may be left out.
 
     With `drives`, such as `motor_limits` returns, a job with law=fastest uses the motors' limits.
 

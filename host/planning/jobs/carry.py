@@ -18,8 +18,8 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs.job import Job, fitted, with_elbow
 from steptwin.host.planning.jobs.options import Point, joint_position, number, point
 from steptwin.host.planning.laws import Cubic, Law, Quintic
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.motions.composer import Composer
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.kinematics import Elbow, make_kinematics
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.workspace.nearest_pose import passing_text
@@ -65,7 +65,7 @@ class CarryOptions:
     repetitions: int = number(1, 1, 1000, "times")
 
 
-def carry(robot: Robot, options: CarryOptions) -> Trajectory:
+def carry(robot: Robot, options: CarryOptions) -> Motion:
     """Return the motion from point to point, and back before each repetition.
 
     Raises:

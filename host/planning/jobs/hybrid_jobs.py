@@ -17,10 +17,10 @@ from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs.job import Job, hybrid_scale, in_station
 from steptwin.host.planning.jobs.options import number, parse_options
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.motions.composer import Composer
-from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.motions.sampled import akima_spline
 from steptwin.host.planning.motions.tool_move import follow
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
 
 OPERATING_MODE: Final = "(+,+)"
@@ -79,7 +79,7 @@ class HelixOptions(HelixCurve):
     samples: int = number(SAMPLES, 3, 10001, "samples")
 
 
-def helix(robot: Robot, options: HelixOptions) -> Trajectory:
+def helix(robot: Robot, options: HelixOptions) -> Motion:
     """Return the helix as Akima's splines in the joints, from rest to rest.
 
     PVT points are at whole milliseconds, but a step lasts 80 s / 240. So each sample is at the nearest whole
@@ -95,7 +95,7 @@ def helix(robot: Robot, options: HelixOptions) -> Trajectory:
         )
     t_s = np.round(np.arange(steps + 1) * end_ms / steps) / 1000
     joints = follow(robot, helix_poses(t_s / t_s[-1], options), t_s, OPERATING_MODE, np.array(robot.home))
-    return Sampled.akima(robot.joint_names, t_s, joints)
+    return akima_spline(robot.joint_names, t_s, joints)
 
 
 def helix_poses(part: FloatArray, curve: HelixCurve) -> FloatArray:
@@ -124,7 +124,7 @@ class FivePointsOptions(HelixCurve):
     pause_s: float = number(0.5, 0.001, 60.0, "s")
 
 
-def five_points(robot: Robot, options: FivePointsOptions) -> Trajectory:
+def five_points(robot: Robot, options: FivePointsOptions) -> Motion:
     """Return joint moves from the first pose to the fifth; raise InputError if a pose is out of reach."""
     order = np.arange(POINTS, dtype=np.float64)
     first, *others = follow(robot, five_poses(robot, options), order, OPERATING_MODE, np.array(robot.home))

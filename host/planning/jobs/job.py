@@ -1,4 +1,4 @@
-"""A job: a name, and a function from a robot and options to a trajectory."""
+"""A job: a name, and a function from a robot and options to a motion."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -18,9 +18,9 @@ from steptwin.host.planning.jobs.options import (
     parse_options,
     place_options,
 )
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.motions.whole import FASTEST, has_timer, motion_timer
 from steptwin.host.planning.paths import OutOfReachError
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.kinematics import Elbow, HybridArm, Scara, make_kinematics, within_limits
 from steptwin.host.robots.robot import Robot
 
@@ -101,18 +101,18 @@ class Job(Generic[Options]):
         name: name on the command line.
         summary: summary, one line.
         options: frozen dataclass with fields of `steptwin.host.planning.jobs.options`, each with a default.
-        build: returns the trajectory for a robot and options; raises InputError if it is impossible.
+        build: returns the motion for a robot and options; raises InputError if it is impossible.
         intent: returns the job's intent for a feature besides the motion; None without one.
     """
 
     name: str
     summary: str
     options: type[Options]
-    build: Callable[[Robot, Options], Trajectory]
+    build: Callable[[Robot, Options], Motion]
     intent: Callable[[Robot, Options], Any] | None = None
 
-    def make(self, robot: Robot, texts: Mapping[str, str], drives: DriveLimits | None = None) -> Trajectory:
-        """Return the trajectory for options given as texts; raise InputError as `parse_options` and `build`.
+    def make(self, robot: Robot, texts: Mapping[str, str], drives: DriveLimits | None = None) -> Motion:
+        """Return the motion for options given as texts; raise InputError as `parse_options` and `build`.
 
         Errors about a place out of reach, or a joint beyond its limits, name the options to set.
         """
@@ -120,13 +120,13 @@ class Job(Generic[Options]):
         check_drives(drives, is_fastest=is_fastest)
         places = place_options(self.options)
         try:
-            trajectory = self.build(robot, options)
+            motion = self.build(robot, options)
             if places:
-                _check_limits(robot, trajectory)
+                _check_limits(robot, motion)
         except OutOfReachError as error:
             hint = f"; the {'option sets' if len(places) == 1 else 'options set'} the place: {' '.join(places)}"
             raise InputError(f"{error}{hint if places else ''}") from error
-        return motion_timer().again(robot, trajectory, drives) if is_fastest else trajectory
+        return motion_timer().again(robot, motion, drives) if is_fastest else motion
 
     def intended(self, robot: Robot, texts: Mapping[str, str]) -> Any:
         """Return the job's intent with these options; raise InputError as `parse_options`."""
@@ -159,8 +159,8 @@ _CHECKED: Final = 2000
 """Number of instants when the joints' limits are checked; the planner checks every millisecond."""
 
 
-def _check_limits(robot: Robot, trajectory: Trajectory) -> None:
+def _check_limits(robot: Robot, motion: Motion) -> None:
     """Raise OutOfReachError, as the planner does, if joints are clearly beyond their limits."""
-    positions = trajectory.positions(np.linspace(0.0, trajectory.duration_s, _CHECKED))
+    positions = motion.positions(np.linspace(0.0, motion.duration_s, _CHECKED))
     if not within_limits(robot.joints, positions).all():
-        check_positions(robot, trajectory)
+        check_positions(robot, motion)

@@ -15,9 +15,9 @@ import numpy as np
 from steptwin.host.planning.jobs.job import Job, in_reach_at_most, with_elbow
 from steptwin.host.planning.jobs.options import joint_position, number
 from steptwin.host.planning.laws import Trapezoid
-from steptwin.host.planning.motions.tool_move import ToolMove
+from steptwin.host.planning.motion import Motion
+from steptwin.host.planning.motions.tool_move import tool_move
 from steptwin.host.planning.paths import StraightLine
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.kinematics import Elbow, make_kinematics
 from steptwin.host.robots.robot import Robot
 
@@ -54,7 +54,7 @@ class PullLineOptions:
     compartments: int = number(COMPARTMENTS, 1, COMPARTMENTS, "compartments")
 
 
-def pull_line(robot: Robot, options: PullLineOptions) -> Trajectory:
+def pull_line(robot: Robot, options: PullLineOptions) -> Motion:
     """Return the pull, from one tool pose with either elbow; raise InputError for times that give no trapezoid."""
     travel_mm = options.travel_mm * (options.compartments / COMPARTMENTS)
     law = Trapezoid(travel_mm, options.duration_s, options.ramp_s)
@@ -62,7 +62,7 @@ def pull_line(robot: Robot, options: PullLineOptions) -> Trajectory:
     start = with_elbow(robot, right, options.elbow)
     x_mm, y_mm, z_mm, attitude_deg = make_kinematics(robot).forward(right[np.newaxis])[0].tolist()
     path = StraightLine((x_mm, y_mm, z_mm, attitude_deg), (x_mm, y_mm - travel_mm, z_mm, attitude_deg))
-    return ToolMove.along(robot, path, law, options.elbow.value, start)
+    return tool_move(robot, path, law, options.elbow.value, start)
 
 
 PULL_LINE: Final = Job(

@@ -17,9 +17,9 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.planning.jobs.job import Job, in_reach, in_station
 from steptwin.host.planning.jobs.options import number
-from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.motion import Motion
+from steptwin.host.planning.motions.sampled import c2_spline
 from steptwin.host.planning.motions.tool_move import follow
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.kinematics import Elbow
 from steptwin.host.robots.robot import Robot
 
@@ -72,11 +72,11 @@ class SpiralOptions:
     mm_per_rad: float = number(MM_PER_RAD, 0.01, 100.0, "mm/rad", in_reach(MM_PER_RAD, _REACH_MM))
 
 
-def spiral(robot: Robot, options: SpiralOptions) -> Trajectory:
+def spiral(robot: Robot, options: SpiralOptions) -> Motion:
     """Return a C2 spline in the joints through the points; raise InputError if the arm does not reach them."""
     t_s = np.arange(POINTS) * whole_ms("point_s", options.point_s) / 1000
     joints = follow(robot, spiral_poses(options), t_s, options.elbow.value, np.array(robot.home))
-    return Sampled.c2_spline(robot.joint_names, t_s, joints)
+    return c2_spline(robot.joint_names, t_s, joints)
 
 
 def spiral_poses(options: SpiralOptions) -> FloatArray:

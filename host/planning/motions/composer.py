@@ -3,7 +3,8 @@
 from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Final
+from itertools import accumulate
+from typing import Any, Final
 
 import numpy as np
 
@@ -11,27 +12,22 @@ from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import shortened, unknown, whole_ms
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Law, SCurve, check_duration
-from steptwin.host.planning.motions.joint_move import JointMove, limits_along
-from steptwin.host.planning.motions.tool_move import ToolMove
+from steptwin.host.planning.motion import JointLaw, Motion, OutputChange, Wait
+from steptwin.host.planning.motions.joint_move import joint_move, limits_along
+from steptwin.host.planning.motions.tool_move import tool_move
 from steptwin.host.planning.no_way import is_no_way
 from steptwin.host.planning.paths import ToolPath, straight
 from steptwin.host.planning.peaks import check_length
-from steptwin.host.planning.trajectory import OutputChange, Trajectory, Wait, smooth_breakpoints_ms, states
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.poses import Pose
 from steptwin.host.robots.robot import Robot
 
 
 @dataclass(frozen=True, slots=True)
-class Standstill:
-    """A pause: no joint moves; implements Trajectory."""
+class Standstill(JointLaw):
+    """No joint moves; `at` are the positions in mm and degrees."""
 
-    joint_names: tuple[str, ...]
     at: tuple[float, ...]
-    duration_s: float
-
-    breakpoints_s: ClassVar[tuple[float, ...]] = ()
-    output_changes: ClassVar[tuple[OutputChange, ...]] = ()
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return joint positions, of shape (n, joints), all equal."""
@@ -39,71 +35,50 @@ class Standstill:
 
     def velocities(self, t_s: FloatArray) -> FloatArray:
         """Return joint velocities, of shape (n, joints), all 0."""
-        return np.zeros((len(t_s), len(self.joint_names)))
+        return np.zeros((len(t_s), len(self.at)))
+
+
+def standstill(joint_names: tuple[str, ...], at: tuple[float, ...], duration_s: float) -> Motion:
+    """Return a pause at joint positions in mm and degrees."""
+    return Motion(joint_names, duration_s, Standstill(at))
 
 
 @dataclass(frozen=True, slots=True)
-class Sequence:
-    """Consecutive motions, each beginning at the end of the previous one; implements Trajectory.
+class Sequence(JointLaw):
+    """Consecutive motions, each beginning at the end of the previous one.
 
     Attributes:
-        joint_names: names of the robot's joints.
-        parts: the motions, at least one.
+        joint_count: number of joints.
+        parts: the motions.
         starts_ms: start of each part, and then the end of the last one.
-        output_changes: changes of outputs during the motion.
-        waits: waits for inputs, each at the beginning of a pause.
-        expects: expected results for features, by key.
     """
 
-    joint_names: tuple[str, ...]
-    parts: tuple[Trajectory, ...]
+    joint_count: int
+    parts: tuple[Motion, ...]
     starts_ms: tuple[int, ...]
-    output_changes: tuple[OutputChange, ...]
-    waits: tuple[Wait, ...] = ()
-    expects: Mapping[str, Any] = field(default_factory=dict)
-
-    @property
-    def duration_s(self) -> float:
-        """Duration of all parts together."""
-        return self.starts_ms[-1] / 1000
-
-    @property
-    def breakpoints_s(self) -> tuple[float, ...]:
-        """The parts' breakpoints, the times when one part follows another, and when outputs change on the way."""
-        changes_ms = {round(1000 * change.from_s) for change in self.output_changes if change.on_the_way}
-        breakpoints_ms = {*self.starts_ms[1:-1], *changes_ms} - {0, self.starts_ms[-1]}
-        for start_ms, part in zip(self.starts_ms, self.parts, strict=False):
-            breakpoints_ms |= {start_ms + round(1000 * t_s) for t_s in part.breakpoints_s}
-        return tuple(ms / 1000 for ms in sorted(breakpoints_ms))
-
-    @property
-    def smooth_ms(self) -> frozenset[int]:
-        """Breakpoints inside of parts where the acceleration is almost continuous."""
-        starts = zip(self.starts_ms, self.parts, strict=False)
-        return frozenset(start_ms + own for start_ms, part in starts for own in smooth_breakpoints_ms(part))
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return joint positions, of shape (n, joints)."""
-        positions = np.empty((len(t_s), len(self.joint_names)))
+        positions = np.empty((len(t_s), self.joint_count))
         for part, rows, own_s in self._parts_at(t_s):
             positions[rows] = part.positions(own_s)
         return positions
 
     def velocities(self, t_s: FloatArray) -> FloatArray:
         """Return joint velocities, of shape (n, joints)."""
-        velocities = np.empty((len(t_s), len(self.joint_names)))
+        velocities = np.empty((len(t_s), self.joint_count))
         for part, rows, own_s in self._parts_at(t_s):
             velocities[rows] = part.velocities(own_s)
         return velocities
 
     def states(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions and velocities."""
-        positions, velocities = np.empty((2, len(t_s), len(self.joint_names)))
+        positions, velocities = np.empty((2, len(t_s), self.joint_count))
         for part, rows, own_s in self._parts_at(t_s):
-            positions[rows], velocities[rows] = states(part, own_s)
+            positions[rows], velocities[rows] = part.states(own_s)
         return positions, velocities
 
-    def _parts_at(self, t_s: FloatArray) -> Iterator[tuple[Trajectory, Int64Array, FloatArray]]:
+    def _parts_at(self, t_s: FloatArray) -> Iterator[tuple[Motion, Int64Array, FloatArray]]:
         """Yield the parts at the given times, with the rows of these times and the part's own times."""
         starts_s = np.array(self.starts_ms) / 1000
         which = np.clip(np.searchsorted(starts_s, t_s, side="right") - 1, 0, len(self.parts) - 1)
@@ -112,6 +87,36 @@ class Sequence:
         for i in np.flatnonzero(counts):
             part, rows = self.parts[i], in_order[i]
             yield part, rows, np.clip(t_s[rows] - starts_s[i], 0.0, part.duration_s)
+
+
+def sequence(
+    joint_names: tuple[str, ...],
+    parts: Iterable[Motion],
+    output_changes: tuple[OutputChange, ...] = (),
+    waits: tuple[Wait, ...] = (),
+    expects: Mapping[str, Any] | None = None,
+) -> Motion:
+    """Return motions one after another, each beginning at the end of the previous one.
+
+    Its breakpoints are those of the parts, the times when one part follows another, and when outputs change on the way.
+    Changes of outputs and waits of the parts do not count.
+    """
+    own = tuple(parts)
+    *starts_ms, end_ms = accumulate((whole_ms("the duration", part.duration_s) for part in own), initial=0)
+    breakpoints_ms = {*starts_ms, *(round(1000 * change.from_s) for change in output_changes if change.on_the_way)}
+    breakpoints_ms -= {0, end_ms}
+    for start_ms, part in zip(starts_ms, own, strict=True):
+        breakpoints_ms |= {start_ms + round(1000 * t_s) for t_s in part.breakpoints_s}
+    return Motion(
+        joint_names,
+        end_ms / 1000,
+        Sequence(len(joint_names), own, (*starts_ms, end_ms)),
+        tuple(ms / 1000 for ms in sorted(breakpoints_ms)),
+        frozenset(start_ms + ms for start_ms, part in zip(starts_ms, own, strict=True) for ms in part.smooth_ms),
+        output_changes,
+        waits,
+        expects or {},
+    )
 
 
 SWITCHING_S: Final = 0.3
@@ -129,15 +134,19 @@ WAIT_MAX_S: Final = 3600.0
 
 @dataclass(slots=True)
 class Composer:
-    """A sequence under construction, which begins at `joints`, of shape (joints,); `sequence` returns it.
+    """A sequence of moves under construction; `sequence` returns it.
 
-    Each move begins at the end of the previous one, and `joints` is the position reached. Every move raises InputError
-    if the robot cannot make it; times in messages count from the start of the sequence.
+    Each move begins at the end of the previous one. Every move raises InputError if the robot cannot make it. Times in
+    messages count from the start of the sequence.
+
+    Attributes:
+        robot: robot that moves.
+        joints: joint positions reached, in mm and degrees, shape (joints,); at first the start of the sequence.
     """
 
     robot: Robot
     joints: FloatArray
-    _parts: list[Trajectory] = field(default_factory=list, init=False)
+    _parts: list[Motion] = field(default_factory=list, init=False)
     _starts_ms: list[int] = field(default_factory=lambda: [0], init=False)
     _output_changes: list[OutputChange] = field(default_factory=list, init=False)
     _waits: list[Wait] = field(default_factory=list, init=False)
@@ -167,7 +176,7 @@ class Composer:
         """Move all joints to a position of shape (joints,) by a law with a distance of 1."""
         self._check_length(law.duration_s)
         start, end = (tuple(joints.tolist()) for joints in (self.joints, goal))
-        self._append(JointMove(self.robot.joint_names, start, end, law))
+        self._append(joint_move(self.robot.joint_names, start, end, law))
 
     def line(self, branch: str, way_mm: tuple[float, float, float], law: Law) -> None:
         """Move the tool by a vector in the world frame, at constant attitude, by a law with the vector's length."""
@@ -179,9 +188,9 @@ class Composer:
     def follow(self, path: ToolPath, law: Law, branch: str) -> None:
         """Move the tool along a path that begins at its pose, by a law with the path's length."""
         self._check_length(law.duration_s)
-        self._append(ToolMove.along(self.robot, path, law, branch, self.joints, self.now_s))
+        self._append(tool_move(self.robot, path, law, branch, self.joints, self.now_s))
 
-    def take(self, motion: Trajectory) -> None:
+    def take(self, motion: Motion) -> None:
         """Append a motion that begins at the present position."""
         self._check_length(motion.duration_s)
         self._append(motion)
@@ -218,28 +227,26 @@ class Composer:
         """Pause for whole milliseconds, at least one."""
         check_duration(duration_s)
         self._check_length(duration_s)
-        self._append(Standstill(self.robot.joint_names, tuple(self.joints.tolist()), duration_s))
+        self._append(standstill(self.robot.joint_names, tuple(self.joints.tolist()), duration_s))
 
-    def motion_since(self, from_s: float) -> Trajectory | None:
+    def motion_since(self, from_s: float) -> Motion | None:
         """Return the moves that began at this time or later; None if there are none."""
         first = bisect_left(self._starts_ms, round(1000 * from_s))
-        parts, starts_ms = tuple(self._parts[first:]), self._starts_ms[first:]
+        parts = self._parts[first:]
         if len(parts) <= 1:
             return parts[0] if parts else None
-        return Sequence(self.robot.joint_names, parts, tuple(ms - starts_ms[0] for ms in starts_ms), ())
+        return sequence(self.robot.joint_names, parts)
 
-    def sequence(self, expects: Mapping[str, Any] | None = None) -> Sequence:
-        """Return the sequence of all moves so far; `expects` are expected results for features."""
-        parts, starts_ms = tuple(self._parts), tuple(self._starts_ms)
+    def sequence(self, expects: Mapping[str, Any] | None = None) -> Motion:
+        """Return the motion of all moves so far; `expects` are expected results for features."""
         output_changes = tuple(sorted(self._output_changes, key=lambda change: change.from_s))
-        waits = tuple(self._waits)
-        return Sequence(self.robot.joint_names, parts, starts_ms, output_changes, waits, expects or {})
+        return sequence(self.robot.joint_names, self._parts, output_changes, tuple(self._waits), expects)
 
     def _check_length(self, more_s: float) -> None:
         """Raise TooLongError if the sequence would be too long with a further move."""
         check_length("the whole motion", self._starts_ms[-1] + round(1000 * more_s))
 
-    def _append(self, part: Trajectory) -> None:
+    def _append(self, part: Motion) -> None:
         self._parts.append(part)
         self._starts_ms.append(self._starts_ms[-1] + whole_ms("the duration", part.duration_s))
         self.joints = part.positions(np.array([part.duration_s]))[0]

@@ -1,48 +1,33 @@
 """Move all joints straight in joint space by one time law; they start and end together."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Law, Trapezoid
-from steptwin.host.planning.trajectory import OutputChange
+from steptwin.host.planning.motion import JointLaw, Motion
 from steptwin.host.robots.robot import Robot
 
 
 @dataclass(frozen=True, slots=True)
-class JointMove:
-    """The motion q(t) = start + (goal - start) s(t); implements Trajectory.
+class JointMove(JointLaw):
+    """The law q(t) = start + (goal - start) s(t).
 
     Attributes:
-        joint_names: names of the robot's joints.
         start: joint positions at t = 0, in mm and degrees.
         goal: joint positions at the end.
         law: s(t), whose distance must be 1.
     """
 
-    joint_names: tuple[str, ...]
     start: tuple[float, ...]
     goal: tuple[float, ...]
     law: Law
 
-    output_changes: ClassVar[tuple[OutputChange, ...]] = ()
-
     def __post_init__(self) -> None:
         if self.law.distance != 1.0:
             raise InputError(f"the law of a joint move covers {self.law.distance:g} instead of 1")
-
-    @property
-    def duration_s(self) -> float:
-        """The law's duration."""
-        return self.law.duration_s
-
-    @property
-    def breakpoints_s(self) -> tuple[float, ...]:
-        """The law's breakpoints."""
-        return self.law.breakpoints_s
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return joint positions, of shape (n, joints)."""
@@ -60,6 +45,11 @@ class JointMove:
     @property
     def _travel(self) -> FloatArray:
         return np.subtract(self.goal, self.start)
+
+
+def joint_move(joint_names: tuple[str, ...], start: tuple[float, ...], goal: tuple[float, ...], law: Law) -> Motion:
+    """Return the motion from a joint position to another by a time law with a distance of 1."""
+    return Motion(joint_names, law.duration_s, JointMove(start, goal, law), law.breakpoints_s)
 
 
 def change_times_s(robot: Robot, changes: FloatArray) -> FloatArray:

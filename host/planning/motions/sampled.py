@@ -8,7 +8,7 @@ procedures", J. ACM 17(4), 1970). Both begin and end at rest, as every motion mu
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import sqrt
-from typing import TYPE_CHECKING, Final, Literal, Self, overload
+from typing import TYPE_CHECKING, Final, Literal, overload
 
 import numpy as np
 import scipy
@@ -16,7 +16,7 @@ import scipy
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.trajectory import OutputChange
+from steptwin.host.planning.motion import JointLaw, Motion
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
@@ -32,61 +32,24 @@ _END_CONDITIONS: Final[dict[bool, Literal["clamped", "not-a-knot"]]] = {True: "c
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sampled:
-    """A motion of all joints along a piecewise cubic curve; implements Trajectory.
+class Spline(JointLaw):
+    """A piecewise cubic curve of all joints.
 
     Attributes:
-        joint_names: names of the robot's joints.
         curve: curve from seconds to joint positions of shape (joints,), in mm and degrees.
-        breakpoints_s: times when the acceleration jumps.
-        output_changes: changes of outputs during the motion.
     """
 
-    joint_names: tuple[str, ...]
     curve: "PPoly"
-    breakpoints_s: tuple[float, ...]
-    output_changes: tuple[OutputChange, ...] = ()
 
     @classmethod
-    def c2_spline(
-        cls,
-        joint_names: tuple[str, ...],
-        times_s: FloatArray,
-        positions: FloatArray,
-        at_rest: tuple[bool, bool] = (True, True),
-    ) -> Self:
-        """Return the C2 spline through positions of shape (points, joints) at times that pass `check_times`.
-
-        `at_rest` tells for start and end whether the motion is at rest there. If not, the two outermost pieces are one
-        cubic (`not-a-knot`).
-        """
-        check_times(times_s)
-        start, end = (_END_CONDITIONS[rest] for rest in at_rest)
-        return cls(joint_names, scipy.interpolate.CubicSpline(times_s, positions, bc_type=(start, end)), ())
-
-    @classmethod
-    def akima(cls, joint_names: tuple[str, ...], times_s: FloatArray, positions: FloatArray) -> Self:
-        """Return Akima's spline through 3 or more points at whole milliseconds, with slopes of 0 at both ends."""
-        if len(times_s) < AKIMA_POINTS_MIN:
-            raise InputError(f"{len(times_s)} points: Akima's spline takes at least {AKIMA_POINTS_MIN}")
-        check_times(times_s)
-        slopes = np.asarray(scipy.interpolate.Akima1DInterpolator(times_s, positions)(times_s, 1))
-        slopes[[0, -1]] = 0.0
-        return cls.hermite(joint_names, times_s, positions, slopes)
-
-    @classmethod
-    def hermite(
-        cls, joint_names: tuple[str, ...], times_s: FloatArray, positions: FloatArray, velocities: FloatArray
-    ) -> Self:
-        """Return the cubics through points at whole milliseconds with velocities of shape (points, joints)."""
-        check_times(times_s, all_whole_ms=True)
-        inner_s = tuple((np.rint(1000.0 * times_s[1:-1]) / 1000.0).tolist())
-        return cls(joint_names, scipy.interpolate.CubicHermiteSpline(times_s, positions, velocities), inner_s)
+    def hermite(cls, times_s: FloatArray, positions: FloatArray, velocities: FloatArray) -> "Spline":
+        """Return the cubics through points, of shape (points, joints), with velocities of that shape."""
+        return cls(scipy.interpolate.CubicHermiteSpline(times_s, positions, velocities))
 
     @property
-    def duration_s(self) -> float:
-        """Time of the last point."""
-        return float(self.curve.x[-1])
+    def knots_s(self) -> FloatArray:
+        """Times at which its cubics begin and end."""
+        return np.asarray(self.curve.x)
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return joint positions, of shape (n, joints)."""
@@ -100,15 +63,13 @@ class Sampled:
         """Return joint accelerations, of shape (n, joints)."""
         return np.asarray(self.curve(t_s, 2))
 
-    @property
     def smooth_ms(self) -> frozenset[int]:
-        """Breakpoints where the acceleration is almost continuous."""
-        knots_s = np.asarray(self.curve.x)
-        before = np.asarray(self.curve(knots_s[1:-1] - _JUST_S, 2))
-        after = np.asarray(self.curve(knots_s[1:-1] + _JUST_S, 2))
+        """Return the inner knots, in milliseconds, at which the acceleration is almost continuous."""
+        inner_s = self.knots_s[1:-1]
+        before, after = self.accelerations(inner_s - _JUST_S), self.accelerations(inner_s + _JUST_S)
         most = np.maximum(np.abs(before), np.abs(after)).max(axis=0, initial=0.0)
         smooth = (np.abs(after - before) <= _SMOOTH * most).all(axis=1)
-        return frozenset(np.rint(1000.0 * knots_s[1:-1][smooth]).astype(np.int64).tolist())
+        return frozenset(np.rint(1000.0 * inner_s[smooth]).astype(np.int64).tolist())
 
 
 _SMOOTH: Final = 0.03
@@ -118,6 +79,48 @@ A jump by it, 1 ms beside a PVT point, causes an error of 0.0015 step at 100 000
 """
 _JUST_S: Final = 1e-7
 """Time before and after a jump at which the accelerations are compared."""
+
+
+def c2_spline(
+    joint_names: tuple[str, ...],
+    times_s: FloatArray,
+    positions: FloatArray,
+    at_rest: tuple[bool, bool] = (True, True),
+) -> Motion:
+    """Return the C2 spline through positions of shape (points, joints) at times that pass `check_times`.
+
+    `at_rest` tells for start and end whether the motion is at rest there. If not, the two outermost pieces are one
+    cubic (`not-a-knot`).
+    """
+    check_times(times_s)
+    start, end = (_END_CONDITIONS[rest] for rest in at_rest)
+    curve = scipy.interpolate.CubicSpline(times_s, positions, bc_type=(start, end))
+    return Motion(joint_names, float(curve.x[-1]), Spline(curve))
+
+
+def akima_spline(joint_names: tuple[str, ...], times_s: FloatArray, positions: FloatArray) -> Motion:
+    """Return Akima's spline through 3 or more points at whole milliseconds, with slopes of 0 at both ends."""
+    if len(times_s) < AKIMA_POINTS_MIN:
+        raise InputError(f"{len(times_s)} points: Akima's spline takes at least {AKIMA_POINTS_MIN}")
+    check_times(times_s)
+    slopes = np.asarray(scipy.interpolate.Akima1DInterpolator(times_s, positions)(times_s, 1))
+    slopes[[0, -1]] = 0.0
+    return hermite_spline(joint_names, times_s, positions, slopes)
+
+
+def hermite_spline(
+    joint_names: tuple[str, ...], times_s: FloatArray, positions: FloatArray, velocities: FloatArray
+) -> Motion:
+    """Return the cubics through points at whole milliseconds with velocities of shape (points, joints)."""
+    check_times(times_s, all_whole_ms=True)
+    return along_cubics(joint_names, Spline.hermite(times_s, positions, velocities))
+
+
+def along_cubics(joint_names: tuple[str, ...], spline: Spline) -> Motion:
+    """Return the motion along cubics whose knots are whole milliseconds; the acceleration may jump at each."""
+    knots_s = spline.knots_s
+    inner_s = tuple((np.rint(1000.0 * knots_s[1:-1]) / 1000.0).tolist())
+    return Motion(joint_names, float(knots_s[-1]), spline, inner_s, spline.smooth_ms())
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +185,7 @@ def blended_lines(
     times_s: FloatArray,
     positions: FloatArray,
     at_rest: tuple[bool, bool] = (True, True),
-) -> Sampled:
+) -> Motion:
     """Return the motion along the lines through positions of shape (points, joints) at times in whole milliseconds.
 
     `change_times_s` determines the blends, by the robot's accelerations. Two blends that would overlap share the time
@@ -219,7 +222,7 @@ def blended_lines(
     nodes_ms, chosen = np.unique(ends_ms, return_index=True)  # pieces: lines and parabolas
     places = np.concatenate([positions - before * half, positions + after * half])[chosen]
     velocities = 1000.0 * np.concatenate([before, after])[chosen]
-    return Sampled.hermite(joint_names, nodes_ms / 1000, places, velocities)
+    return hermite_spline(joint_names, nodes_ms / 1000, places, velocities)
 
 
 def _corners_ms(

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from math import isclose
-from typing import ClassVar, Final, Self
+from typing import Final, Self
 
 import numpy as np
 
@@ -15,9 +15,9 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Law
+from steptwin.host.planning.motion import JointLaw, Motion
 from steptwin.host.planning.paths import FreeAttitude, OutOfReachError, ToolPath
 from steptwin.host.planning.peaks import windows_ms
-from steptwin.host.planning.trajectory import OutputChange
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics import Branch, Kinematics, make_kinematics
 from steptwin.host.robots.kinematics.base import LIMIT_TOLERANCE, Constraint
@@ -141,13 +141,12 @@ _LENGTH_TOLERANCE: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ToolMove:
-    """A motion of the tool along a path, on one branch of the inverse kinematics; implements Trajectory.
+class ToolMove(JointLaw):
+    """The joints of a tool that moves along a path, on one branch of the inverse kinematics.
 
-    Made by `along`. Positions and velocities are exact at every instant, not interpolated between solutions.
+    Positions and velocities are exact at every instant, not interpolated between solutions.
 
     Attributes:
-        joint_names: names of the robot's joints.
         kinematics: kinematics of the robot.
         branch: branch of the inverse kinematics.
         path: path of the tool.
@@ -159,7 +158,6 @@ class ToolMove:
         keeps_limits: whether each joint is within its limits at each millisecond.
     """
 
-    joint_names: tuple[str, ...]
     kinematics: Kinematics
     branch: str
     path: ToolPath
@@ -170,18 +168,9 @@ class ToolMove:
     changes: tuple[tuple[float, str], ...]
     keeps_limits: bool
 
-    output_changes: ClassVar[tuple[OutputChange, ...]] = ()
-
     @classmethod
     def along(cls, robot: Robot, path: ToolPath, law: Law, branch: str, start: FloatArray, from_s: float = 0.0) -> Self:
-        """Return the move that begins at the joints `start`, of shape (joints,); joints not needed for the pose stay.
-
-        The attitudes of the path do not count for a tool that cannot turn by itself.
-
-        Raises:
-            InputError: the law's distance is not the path's length; the path leaves the mechanism's reach or comes near
-                a singularity; or it does not begin at `start` on this branch. The messages give times plus `from_s`.
-        """
+        """Return the law of `tool_move`, which names the errors."""
         if not isclose(law.distance, path.length_mm, rel_tol=_LENGTH_TOLERANCE):
             raise InputError(f"the law covers {law.distance:.9g} mm, the tool's path is {path.length_mm:.9g} mm long")
         kinematics = make_kinematics(robot)
@@ -211,7 +200,6 @@ class ToolMove:
         guide_s = np.concatenate(guide_ms) / 1000
         guide_joints = np.concatenate(guide)
         return cls(
-            robot.joint_names,
             kinematics,
             branch,
             path,
@@ -222,20 +210,6 @@ class ToolMove:
             tuple(changes),
             keeps_limits,
         )
-
-    @property
-    def duration_s(self) -> float:
-        """The law's duration."""
-        return self.law.duration_s
-
-    @property
-    def breakpoints_s(self) -> tuple[float, ...]:
-        """The law's breakpoints."""
-        return self.law.breakpoints_s
-
-    def poses(self, t_s: FloatArray) -> FloatArray:
-        """Return planned tool poses."""
-        return self.path.poses(self.law.position(t_s))
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return joint positions, of shape (n, joints)."""
@@ -272,6 +246,20 @@ class ToolMove:
     def _guides(self, t_s: FloatArray) -> FloatArray:
         """Return approximate joints, shape (n, joints), at times of shape (n,)."""
         return np.column_stack([np.interp(t_s, self.guide_s, column) for column in self.guide_joints.T])
+
+
+def tool_move(robot: Robot, path: ToolPath, law: Law, branch: str, start: FloatArray, from_s: float = 0.0) -> Motion:
+    """Return the motion of the tool along a path by a law of the length travelled.
+
+    It begins at the joints `start`, of shape (joints,); joints not needed for the pose stay. The attitudes of the path
+    do not count for a tool that cannot turn by itself.
+
+    Raises:
+        InputError: the law's distance is not the path's length; the path leaves the mechanism's reach or comes near a
+            singularity; or it does not begin at `start` on this branch. The messages give times plus `from_s`.
+    """
+    move = ToolMove.along(robot, path, law, branch, start, from_s)
+    return Motion(robot.joint_names, law.duration_s, move, law.breakpoints_s)
 
 
 _JUMP_DEG: Final = 0.1

@@ -12,11 +12,11 @@ from steptwin.host.planning.drives import DriveLimits
 from steptwin.host.robots.robot import Robot
 
 if TYPE_CHECKING:
-    from steptwin.host.planning.motions.composer import Composer, Sequence
+    from steptwin.host.planning.motion import Motion
+    from steptwin.host.planning.motions.composer import Composer
     from steptwin.host.planning.paths import ToolPath
     from steptwin.host.planning.programs.flow import LegTime
     from steptwin.host.planning.programs.paces import StepPace, ToolPace
-    from steptwin.host.planning.trajectory import Trajectory
 
 FASTEST: Final = "fastest"
 """Value of `law` for such a timing."""
@@ -82,7 +82,7 @@ class FlowingSteps(Protocol):
 class MotionTimer(Protocol):
     """Times whole motions as fast as the limits of joints, axes and drives allow."""
 
-    def again(self, robot: Robot, motion: "Trajectory", drives: DriveLimits | None = None) -> "Sequence":
+    def again(self, robot: Robot, motion: "Motion", drives: DriveLimits | None = None) -> "Motion":
         """Return the fastest motion along the path of another motion; raise InputError if there is none."""
         ...
 

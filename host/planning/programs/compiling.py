@@ -17,7 +17,7 @@ from steptwin.host.common.findings import Findings, check_all
 from steptwin.host.common.planning_time import check_planning_time, in_planning_time, planning_step
 from steptwin.host.planning import checks
 from steptwin.host.planning.drives import DriveAnswer, MakeDrives
-from steptwin.host.planning.motions.composer import Sequence
+from steptwin.host.planning.motion import Motion, OutputChange
 from steptwin.host.planning.motions.tool_move import ToolMove
 from steptwin.host.planning.motions.whole import CornerError
 from steptwin.host.planning.no_way import NO_WAY
@@ -38,7 +38,6 @@ from steptwin.host.planning.programs.program import (
 )
 from steptwin.host.planning.programs.program_file import Complaints
 from steptwin.host.planning.programs.steps import GoStep, JointsBy, Step, ToolBy
-from steptwin.host.planning.trajectory import OutputChange, Trajectory
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
@@ -121,21 +120,21 @@ class CompiledProgram:
     """A program's motion and its steps.
 
     Attributes:
-        trajectory: the motion, for the planner.
+        motion: the motion, for the planner.
         steps: the steps.
         is_whole: False if anything but the speed of steps is wrong; the rest is then incomplete.
         changed: the motion as a feature changes it before it is checked; None if it stays as it is.
     """
 
-    trajectory: Sequence
+    motion: Motion
     steps: tuple[StepRow, ...]
     is_whole: bool
     changed: ChangedMotion | None = None
 
     @property
-    def executed(self) -> Trajectory:
+    def executed(self) -> Motion:
         """The motion as it is executed."""
-        return self.trajectory if self.changed is None else self.changed.motion
+        return self.motion if self.changed is None else self.changed.motion
 
     def fast_steps(self) -> tuple[str, ...]:
         """Return a message for each step that is too fast, with passing values of its own keys."""
@@ -360,8 +359,8 @@ class _Walk:
                 notes: tuple[str | OutputChange, ...] = (*moves.notes, *moves.switched)
                 moves.notes, moves.switched = (), ()
                 way: BranchesOnWay = ("", ())
-                if isinstance(part, ToolMove):
-                    way = part.branch, tuple((from_s + t_s, name) for t_s, name in part.changes)
+                if part is not None and isinstance(part.law, ToolMove):
+                    way = part.law.branch, tuple((from_s + t_s, name) for t_s, name in part.law.changes)
                 made = self._made(_Gathered(place, step, before), part, from_s)
                 self.rows.append(StepRow(made, from_s, moves.composer.now_s - from_s, *way, notes))
 
@@ -409,10 +408,10 @@ class _Walk:
         self._gathered.clear()
         self._moves.leg_times = []
 
-    def _made(self, gathered: _Gathered, part: Trajectory | None, from_s: float) -> MadeStep:
+    def _made(self, gathered: _Gathered, part: Motion | None, from_s: float) -> MadeStep:
         """Return a step as it was made; report joints beyond their limits on its part of the motion."""
         made = MadeStep(self._robot, gathered.place, gathered.step, gathered.before, round(1000 * from_s), part)
-        if part is not None and not (isinstance(part, ToolMove) and part.keeps_limits):
+        if part is not None and not (isinstance(part.law, ToolMove) and part.law.keeps_limits):
             self._check_positions(made, part)
         return made
 
@@ -422,7 +421,7 @@ class _Walk:
         if end is not None:
             self._stand_at(end)
 
-    def _check_positions(self, made: MadeStep, part: Trajectory) -> None:
+    def _check_positions(self, made: MadeStep, part: Motion) -> None:
         """Report each joint beyond its limits, except those that an earlier step has left outside."""
         start, step = made.before.composer.joints, made.step
         ends = part.positions(np.array([part.duration_s]))[0].tolist()

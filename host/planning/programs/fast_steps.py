@@ -13,6 +13,7 @@ from steptwin.host.common.features import changed_motion
 from steptwin.host.common.planning_time import check_planning_time, planning_step
 from steptwin.host.planning import checks
 from steptwin.host.planning.checks import TooFastError
+from steptwin.host.planning.motion import DEFAULT_POINT_MS, Motion
 from steptwin.host.planning.motions.stretched import least_passing
 from steptwin.host.planning.peaks import Peak, Quantity, TooLongError, sampled, shifted
 from steptwin.host.planning.planner import step_peaks
@@ -20,7 +21,6 @@ from steptwin.host.planning.programs.moves import Moves
 from steptwin.host.planning.programs.program import Place
 from steptwin.host.planning.programs.program_file import pass_words
 from steptwin.host.planning.programs.steps import Step
-from steptwin.host.planning.trajectory import DEFAULT_POINT_MS, Trajectory
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
@@ -159,10 +159,10 @@ class MadeStep:
     step: Step
     before: Moves
     from_ms: int
-    part: Trajectory | None
+    part: Motion | None
 
     @cached_property
-    def _executed(self) -> Trajectory | None:
+    def _executed(self) -> Motion | None:
         changed = None if self.part is None else changed_motion(self.robot, self.part)
         return self.part if changed is None else changed.motion
 

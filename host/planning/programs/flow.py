@@ -7,10 +7,10 @@ from typing import Final
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.drives import DriveAnswer
+from steptwin.host.planning.motion import Motion, OutputChange
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.motions.whole import FlowingSteps
 from steptwin.host.planning.programs.paces import OnTheWay
-from steptwin.host.planning.trajectory import OutputChange, Trajectory
 
 _WHOLE_MS: Final = 1e-6
 """Tolerance in ms for a time after a whole millisecond."""
@@ -37,7 +37,7 @@ class LegTime:
 
     from_s: float
     until_s: float
-    motion: Trajectory
+    motion: Motion
     branches: BranchesOnWay = ("", ())
     passes_mm: float | None = None
     stops: bool = False

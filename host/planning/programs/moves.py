@@ -13,14 +13,15 @@ from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.drives import DriveLimits
 from steptwin.host.planning.laws import Law, SCurve, time_at
+from steptwin.host.planning.motion import OutputChange
 from steptwin.host.planning.motions.composer import JERK_TIME_S, Composer
 from steptwin.host.planning.motions.joint_move import limits_along
 from steptwin.host.planning.motions.tool_move import (
-    ToolMove,
     branches_on,
     is_straight_in_joints,
     nearest_turns,
     present_branch,
+    tool_move,
 )
 from steptwin.host.planning.motions.whole import FlowingSteps, motion_timer
 from steptwin.host.planning.no_way import NO_WAY, is_no_way
@@ -40,7 +41,6 @@ from steptwin.host.planning.programs.flow import LegTime, check_none_gathered, s
 from steptwin.host.planning.programs.paces import SPEED_PERCENT, JointPace, StepPace, ToolPace
 from steptwin.host.planning.programs.pallets import STATION_FRAME, Cells, Pallet
 from steptwin.host.planning.programs.positions import Beside, JointPosition, Position, Target, ToolPosition
-from steptwin.host.planning.trajectory import OutputChange
 from steptwin.host.robots.kinematics import Branch, make_kinematics
 from steptwin.host.robots.poses import PLACE, POSITION, SCARA, Pose, Turning
 from steptwin.host.robots.robot import Robot
@@ -60,7 +60,7 @@ def turning_law(robot: Robot, turn: Turn, branch: str, start: FloatArray, goal: 
         slower = acceleration / stretch**2
         return SCurve.fastest(turn.length_mm, speed / stretch, slower, slower / (stretch * JERK_TIME_S))
 
-    tried = ToolMove.along(robot, turn, law(1.0), branch, start)
+    tried = tool_move(robot, turn, law(1.0), branch, start)
     peaks = highest(speed_peaks(robot, samples) for samples in sampled(tried))
     return law(max(replace(peak, limit=peak.limit * percent / 100).stretch for peak in peaks))
 

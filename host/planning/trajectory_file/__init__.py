@@ -6,7 +6,7 @@ interpolations. With velocities it consists of cubics, and the times are whole m
 
 CSV has a header `t,<joint>,...` with the joints in any order, and for velocities a column `v_<joint>` for each. JSON
 has `joint_names`, and `points` with `positions`, `time_from_start` and optional `velocities`. In place of the joints
-both may have the tool's coordinates x, y, z and phi. docs/trajectory-files.md describes all of it.
+both may have the tool's coordinates x, y, z and phi. docs/motions.md describes all of it.
 """
 
 from io import StringIO
@@ -19,8 +19,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import CSV_BYTES_MAX, JSON_BYTES_MAX, YAML_BYTES_MAX
 from steptwin.host.common.own_files import opened_text, read_text
 from steptwin.host.planning.drives import DriveLimits, check_drives
-from steptwin.host.planning.motions.composer import Sequence
-from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.motions.whole import FASTEST
 from steptwin.host.planning.trajectory_file.csv_points import read_csv
 from steptwin.host.planning.trajectory_file.file_motion import DEFAULT, FileMotion, PointCurve, doubt
@@ -60,7 +59,7 @@ def read_trajectory(
     units: str | None = None,
     law: str | None = None,
     drives: DriveLimits | None = None,
-) -> Sampled | Sequence:
+) -> Motion:
     """Return the trajectory in a file whose name ends in one of SUFFIXES.
 
     Args:
@@ -83,7 +82,7 @@ def read_trajectory(
     """
     return read_file_motion(
         path, robot, interpolate=interpolate, ramps_s=ramps_s, elbow=elbow, units=units, law=law, drives=drives
-    ).trajectory
+    ).whole
 
 
 def read_file_motion(
@@ -113,7 +112,7 @@ def read_file_motion(
         return FileMotion.of(robot, points, interpolation, ramps_s, is_fastest=law is not None, drives=drives)
 
 
-def read_trajectory_until(until_s: float, path: Path | str, robot: Robot) -> Sampled | Sequence:
+def read_trajectory_until(until_s: float, path: Path | str, robot: Robot) -> Motion:
     """Return the trajectory in a file up to its last point at or before an instant.
 
     Raises:
@@ -123,13 +122,13 @@ def read_trajectory_until(until_s: float, path: Path | str, robot: Robot) -> Sam
         return _motion(_points(path), robot, until_s)
 
 
-def trajectory_of_csv(text: str, robot: Robot, until_s: float = inf) -> Sampled | Sequence:
+def trajectory_of_csv(text: str, robot: Robot, until_s: float = inf) -> Motion:
     """Return the trajectory in the text of a CSV file; raises as `read_trajectory` does, without the path."""
     return _motion(read_csv(StringIO(text)), robot, until_s)
 
 
-def _motion(points: Points, robot: Robot, until_s: float) -> Sampled | Sequence:
-    return FileMotion.of(robot, points.until(until_s).joint_points(robot), None, 0.0).trajectory
+def _motion(points: Points, robot: Robot, until_s: float) -> Motion:
+    return FileMotion.of(robot, points.until(until_s).joint_points(robot), None, 0.0).whole
 
 
 def _points(path: Path | str) -> Points:

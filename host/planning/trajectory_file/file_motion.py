@@ -17,22 +17,22 @@ from steptwin.host.common.bad_input import apart, whole_ms
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.checks import NotAtRestError, OutsideError, TooFastError
 from steptwin.host.planning.drives import DriveLimits
-from steptwin.host.planning.motions.composer import Sequence, Standstill
+from steptwin.host.planning.motion import REST_TOLERANCE, Motion
+from steptwin.host.planning.motions.composer import sequence, standstill
 from steptwin.host.planning.motions.joint_move import change_times_s
-from steptwin.host.planning.motions.sampled import Sampled, blended_lines
-from steptwin.host.planning.motions.stretched import Stretched
+from steptwin.host.planning.motions.sampled import blended_lines, c2_spline, hermite_spline
+from steptwin.host.planning.motions.stretched import stretched
 from steptwin.host.planning.motions.whole import FASTEST, motion_timer
 from steptwin.host.planning.peaks import Peak, Quantity
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.polygon import Departure, Polygon
-from steptwin.host.planning.trajectory import REST_TOLERANCE, Trajectory
 from steptwin.host.planning.trajectory_file.points import JointPoints
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
 
 
-def with_ramps(motion: Trajectory, ramps_s: float) -> Sequence:
+def with_ramps(motion: Motion, ramps_s: float) -> Motion:
     """Return a motion between a run-in and a run-out, where it starts or ends with a speed, without changes of outputs.
 
     A ramp lasts `ramps_s`, has constant acceleration and is straight in joint space: the run-in begins v ramps_s / 2
@@ -45,20 +45,19 @@ def with_ramps(motion: Trajectory, ramps_s: float) -> Sequence:
         raise InputError(f"ramps_s={ramps_s:g}: is not above 0 s")
     (first, last), (start, end) = _ends(motion)
     names, rest, ramp_times_s = motion.joint_names, np.zeros_like(start), np.array([0.0, ramps_s])
-    parts: list[Trajectory] = [motion]
+    parts: list[Motion] = [motion]
     if _moves(start):
         places = np.array([first - start * ramps_s / 2, first])
-        parts.insert(0, Sampled.hermite(names, ramp_times_s, places, np.array([rest, start])))
+        parts.insert(0, hermite_spline(names, ramp_times_s, places, np.array([rest, start])))
     if _moves(end):
         places = np.array([last, last + end * ramps_s / 2])
-        parts.append(Sampled.hermite(names, ramp_times_s, places, np.array([end, rest])))
+        parts.append(hermite_spline(names, ramp_times_s, places, np.array([end, rest])))
     if len(parts) == 1:
         raise InputError(f"ramps_s={ramps_s:g}: the motion starts and ends at rest")
-    ends_ms = np.cumsum([whole_ms("the duration", part.duration_s) for part in parts])
-    return Sequence(names, tuple(parts), (0, *ends_ms.tolist()), ())
+    return sequence(names, parts)
 
 
-def shortest_ramps_s(robot: Robot, motion: Trajectory, stretch: float = 1.0) -> float:
+def shortest_ramps_s(robot: Robot, motion: Motion, stretch: float = 1.0) -> float:
     """Return the shortest ramps, in whole milliseconds, within the robot's accelerations; 0 without speed.
 
     `stretch` is the factor by which the motion with its ramps will be slower.
@@ -68,7 +67,7 @@ def shortest_ramps_s(robot: Robot, motion: Trajectory, stretch: float = 1.0) -> 
     return ceil(needed_ms * (1 - 1e-12)) / 1000 if _moves(velocities) else 0.0
 
 
-def _ends(motion: Trajectory) -> tuple[FloatArray, FloatArray]:
+def _ends(motion: Motion) -> tuple[FloatArray, FloatArray]:
     """Return the positions and the velocities at both ends, each of shape (2, joints)."""
     t_s = np.array([0.0, motion.duration_s])
     return motion.positions(t_s), motion.velocities(t_s)
@@ -78,8 +77,8 @@ def _moves(velocities: FloatArray) -> bool:
     return bool(np.abs(velocities).max() > REST_TOLERANCE)
 
 
-Curve = Callable[[tuple[str, ...], FloatArray, FloatArray, tuple[bool, bool]], Sampled]
-"""A function of joint names, times, positions and whether start and end are at rest, such as `Sampled.c2_spline`."""
+Curve = Callable[[tuple[str, ...], FloatArray, FloatArray, tuple[bool, bool]], Motion]
+"""A function of joint names, times, positions and whether start and end are at rest, such as `c2_spline`."""
 
 
 def through_points(
@@ -87,9 +86,9 @@ def through_points(
     times_s: FloatArray,
     positions: FloatArray,
     places: Texts[str],
-    curve: Curve = Sampled.c2_spline,
+    curve: Curve = c2_spline,
     at_rest: tuple[bool, bool] = (True, True),
-) -> Sampled | Sequence:
+) -> Motion:
     """Return curves through positions of shape (points, joints) at times of shape (points,).
 
     A point that repeats the previous one makes a pause, since a curve through both would overshoot there. Messages
@@ -99,20 +98,18 @@ def through_points(
     stands = (np.diff(positions, axis=0) == 0.0).all(axis=1).tolist()
     if not any(stands):
         return curve(joint_names, times_s, positions, at_rest)
-    parts: list[Trajectory] = []
-    starts_ms = [0]
+    parts: list[Motion] = []
     for standing, group in groupby(range(len(stands)), key=stands.__getitem__):
         segments = list(group)
         first, last = segments[0], segments[-1] + 1
         whole_ms(places[last], float(times_s[last]))
         own_s = times_s[first : last + 1] - times_s[first]
         if standing:
-            parts.append(Standstill(joint_names, tuple(positions[first].tolist()), float(own_s[-1])))
+            parts.append(standstill(joint_names, tuple(positions[first].tolist()), float(own_s[-1])))
         else:
             ends_at_rest = (first > 0 or at_rest[0], last < len(stands) or at_rest[1])
             parts.append(curve(joint_names, own_s, positions[first : last + 1], ends_at_rest))
-        starts_ms.append(round(1000 * float(times_s[last])))
-    return Sequence(joint_names, tuple(parts), tuple(starts_ms), ())
+    return sequence(joint_names, parts)
 
 
 class PointCurve(StrEnum):
@@ -145,7 +142,7 @@ class FileMotion:
         interpolation: motion between the points; None for points with velocities, joined by cubics.
         ramps_s: duration of run-in and run-out; 0 for none.
         through: motion through the points, in the file's own time.
-        trajectory: whole motion, with run-in and run-out, or along the same path in its own time.
+        whole: whole motion, with run-in and run-out, or along the same path in its own time.
         is_fastest: True if it is as fast as the robot's limits allow.
     """
 
@@ -153,8 +150,8 @@ class FileMotion:
     points: JointPoints
     interpolation: PointCurve | None
     ramps_s: float
-    through: Sampled | Sequence
-    trajectory: Sampled | Sequence
+    through: Motion
+    whole: Motion
     is_fastest: bool = False
 
     @classmethod
@@ -183,8 +180,8 @@ class FileMotion:
             return cls(
                 robot, points, interpolation, ramps_s, through, motion_timer().again(robot, through, drives), is_fastest
             )
-        trajectory = with_ramps(through, ramps_s) if ramps_s else through
-        return cls(robot, points, interpolation, ramps_s, through, trajectory)
+        whole = with_ramps(through, ramps_s) if ramps_s else through
+        return cls(robot, points, interpolation, ramps_s, through, whole)
 
     @property
     def polygon(self) -> Polygon:
@@ -251,7 +248,7 @@ class FileMotion:
         t_s = peak.t_s / stretch
         times_s, ramps_s = self.points.times_s, self.ramps_s
         before_s = ramps_s or float(times_s[1])
-        after_s = self.trajectory.duration_s - (ramps_s or float(times_s[-1] - times_s[-2]))
+        after_s = self.whole.duration_s - (ramps_s or float(times_s[-1] - times_s[-2]))
         return self._passing_ramps(stretch) if not before_s <= t_s < after_s else ""
 
     def _passing_ramps(self, stretch: float) -> str:
@@ -261,22 +258,20 @@ class FileMotion:
         try:
             moving = _through(self.robot, self.points, self.interpolation, moving=True)
             shortest_s = shortest_ramps_s(self.robot, moving, stretch)
-            plan(self.robot, Stretched.by(with_ramps(moving, shortest_s), stretch))
+            plan(self.robot, stretched(with_ramps(moving, shortest_s), stretch))
         except InputError:
             return ""
         return f"a run-in and a run-out of {shortest_s:g} s pass (ramps_s={shortest_s:g})"
 
 
-def _through(
-    robot: Robot, points: JointPoints, interpolation: PointCurve | None, *, moving: bool
-) -> Sampled | Sequence:
+def _through(robot: Robot, points: JointPoints, interpolation: PointCurve | None, *, moving: bool) -> Motion:
     """Return the motion through the points; `moving` tells whether it starts and ends at speed."""
     names, times_s, positions = robot.joint_names, points.times_s, points.positions
     at_rest = (not moving, not moving)
     if points.velocities is not None:
-        return Sampled.hermite(names, times_s, positions, points.velocities)
+        return hermite_spline(names, times_s, positions, points.velocities)
     if interpolation is PointCurve.STOP:
-        return Sampled.hermite(names, times_s, positions, np.zeros_like(positions))
+        return hermite_spline(names, times_s, positions, np.zeros_like(positions))
     if interpolation is PointCurve.LINEAR:
         lines = partial(blended_lines, partial(change_times_s, robot))
         return through_points(names, times_s, positions, points.places, lines, at_rest)
@@ -307,7 +302,7 @@ def doubt(motion: FileMotion, planned: Plan, read_in: Callable[[str], FileMotion
         planned: its plan, which may be stretched; a motion made as fast as possible tells by its travel alone.
         read_in: reads the file again in other units, or raises InputError.
     """
-    stretched = planned.trajectory.duration_s / motion.trajectory.duration_s
+    stretched = planned.motion.duration_s / motion.whole.duration_s
     peaks = {} if motion.is_fastest else _peaks_percent(planned, stretched)
     largest = max([_travel_percent(planned), *peaks.values()])
     if not 0.0 < largest < SMALL_PERCENT:
@@ -351,7 +346,7 @@ def _fits(motion: FileMotion, read_in: Callable[[str], FileMotion], units: str) 
         other = read_in(units)
         if np.array_equal(other.points.positions, motion.points.positions):
             return False
-        plan(motion.robot, other.trajectory)
+        plan(motion.robot, other.whole)
     except InputError:
         return False
     return True

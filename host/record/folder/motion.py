@@ -14,8 +14,8 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.whole_file import whole_file
+from steptwin.host.planning.motion import Motion, OutputChange
 from steptwin.host.planning.plan import Plan
-from steptwin.host.planning.trajectory import OutputChange, Trajectory
 from steptwin.host.planning.trajectory_file import read_trajectory_until
 from steptwin.host.planning.trajectory_file.points import TOOL_AXES, VELOCITY, derived_columns
 from steptwin.host.record.folder.layout import TRAJECTORY, existing_file
@@ -40,7 +40,7 @@ def write_motion(path: Path, plan: Plan) -> None:
     Times, positions and velocities are written with all their digits, so that reading gives the same values.
     """
     t_s = _stored_ms(plan) / 1000
-    positions, velocities = plan.trajectory.positions(t_s), plan.trajectory.velocities(t_s)
+    positions, velocities = plan.motion.positions(t_s), plan.motion.velocities(t_s)
     rows = zip(t_s.tolist(), positions.tolist(), velocities.tolist(), strict=True)
     derived = _derived_texts(plan.robot, t_s, positions, velocities)
     with whole_file(path) as file:
@@ -66,7 +66,7 @@ def trajectory_row(t_s: float, positions: Sequence[float], velocities: Sequence[
     return ",".join(map(repr, (t_s, *positions, *velocities))) + derived + "\n"
 
 
-def read_motion(folder: Path, robot: Robot, output_changes: Sequence[OutputChange], until_s: float = inf) -> Trajectory:
+def read_motion(folder: Path, robot: Robot, output_changes: Sequence[OutputChange], until_s: float = inf) -> Motion:
     """Return the stored motion, or its part up to an instant, with the planned changes of outputs.
 
     Raises:
@@ -107,7 +107,7 @@ def _stored_ms(plan: Plan) -> Int64Array:
     """Return the times of the points to store, in milliseconds."""
     every_ms = np.arange(plan.times_ms[-1] + 1)
     t_s, point_s = every_ms / 1000, plan.times_ms / 1000
-    motion = plan.trajectory
+    motion = plan.motion
     cubics = _cubics(point_s, motion.positions(point_s), motion.velocities(point_s))
     nearest = np.searchsorted(plan.times_ms[1:-1], every_ms, side="right")
     third, second, first, start = cubics[:, nearest]

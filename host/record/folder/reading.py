@@ -12,7 +12,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import giving
-from steptwin.host.planning.trajectory import OutputChange, Trajectory
+from steptwin.host.planning.motion import JointLaw, Motion
 from steptwin.host.planning.trajectory_file import trajectory_of_csv
 from steptwin.host.record.folder.edges_file import evidence_until, read_edges
 from steptwin.host.record.folder.layout import EDGES, RECORDING, ROBOT, TRAJECTORY, StoppedError, existing_file
@@ -33,31 +33,11 @@ _RATE_OVER_S: Final = 0.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CountedMotion:
-    """The joints' positions by the drivers' counts, from the first step to the last; implements Trajectory."""
+class CountedLaw(JointLaw):
+    """The joints' positions by the drivers' counts."""
 
     robot: Robot
     axes: tuple[CountedSteps, ...]
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """The robot's joints."""
-        return self.robot.joint_names
-
-    @property
-    def duration_s(self) -> float:
-        """The time of the last step, and a millisecond more."""
-        return max(float(axis.time_s[-1]) for axis in self.axes if axis.time_s.size) + 0.001
-
-    @property
-    def breakpoints_s(self) -> tuple[float, ...]:
-        """Empty: no breakpoints are known."""
-        return ()
-
-    @property
-    def output_changes(self) -> tuple[OutputChange, ...]:
-        """Empty: no changes were planned."""
-        return ()
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return joint positions after the steps at each instant, shape (n, joints)."""
@@ -88,10 +68,12 @@ def counts_alone(robot: Robot, evidence: Evidence) -> Comparison:
         counted_steps(axis, evidence.start_counts, planned)
         for axis, planned in zip(evidence.axes, microsteps, strict=True)
     )
-    return Comparison(Expectation.of(robot, CountedMotion(robot, counted)), evidence, (), counted, ())
+    end_s = max(float(axis.time_s[-1]) for axis in counted if axis.time_s.size) + 0.001
+    motion = Motion(robot.joint_names, end_s, CountedLaw(robot, counted))
+    return Comparison(Expectation.of(robot, motion), evidence, (), counted, ())
 
 
-_ReadMotion = Callable[[float], Trajectory]
+_ReadMotion = Callable[[float], Motion]
 """Reads the plan up to an instant of the motion in seconds."""
 
 
@@ -111,7 +93,7 @@ class StoredRun:
     @property
     def duration_s(self) -> float:
         """Duration of the planned motion, up to the end of the comparison."""
-        return self.comparison.expected.trajectory.duration_s
+        return self.comparison.expected.motion.duration_s
 
     @property
     def interruption(self) -> str | None:
@@ -137,7 +119,7 @@ def check_axes(path: Path, evidence: Evidence, robot: Robot) -> None:
         raise InputError(f"{path}: axes: {' '.join(names)}, but {ROBOT} has {' '.join(robot.axis_names)}")
 
 
-def stored_motion(folder: Path, robot: Robot) -> Trajectory:
+def stored_motion(folder: Path, robot: Robot) -> Motion:
     """Return the motion of a folder without its outputs; raise InputError if its file is missing or invalid."""
     return read_motion(folder, robot, ())
 
@@ -193,8 +175,8 @@ def read_run(folder: Path, plan_folder: Path | None = None, *, counts_suffice: b
 
 
 def _as_far(
-    read: _ReadMotion, motion: Trajectory, evidence: Evidence, recording: UnfinishedRecording
-) -> tuple[Trajectory, Evidence]:
+    read: _ReadMotion, motion: Motion, evidence: Evidence, recording: UnfinishedRecording
+) -> tuple[Motion, Evidence]:
     """Cut plan and evidence at the last recorded point, if the motion was not recorded whole."""
     until_s = evidence.trajectory_s(recording.mark.until_counts)
     if motion.duration_s <= until_s:
@@ -234,7 +216,7 @@ def _own_motion(folder: Path, robot: Robot, report: StoredReport) -> _ReadMotion
         return lambda until_s: read_motion(folder, robot, report.output_changes, until_s)
     text = recording.plan_text()
 
-    def read(until_s: float) -> Trajectory:
+    def read(until_s: float) -> Motion:
         with prefixed(f"{folder / RECORDING / PLAN}: "):
             return trajectory_of_csv(text, robot, until_s)
 

@@ -15,7 +15,7 @@ from steptwin.host.common.features import giving, judge_of
 from steptwin.host.common.file_limits import REPORT_BYTES_MAX
 from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import Table, json_table
-from steptwin.host.planning.trajectory import OutputChange
+from steptwin.host.planning.motion import OutputChange
 from steptwin.host.record.folder.layout import (
     REPORT,
     VERSION_KEY,

@@ -74,9 +74,9 @@ def draw_in_space(sheet: Sheet, shown: ShownRun) -> None:
     Frames of base, joints and tool are those at the start. Without a known robot there is only the path.
     """
     comparison = shown.comparison
-    robot, trajectory = comparison.expected.robot, comparison.expected.trajectory
+    robot, motion = comparison.expected.robot, comparison.expected.motion
     path = path_error(comparison, shown.planned_s)
-    joints = trajectory.positions(shown.planned_s[:: SAMPLES // _ARROWS])
+    joints = motion.positions(shown.planned_s[:: SAMPLES // _ARROWS])
     links = make_kinematics(robot).links(joints) if robot else ()
     near, whole = space_views(sheet.figure, links, 2)
     for axes in (near, whole):

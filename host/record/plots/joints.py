@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.planning.motion import Motion
 from steptwin.host.record.plots.canvas import COUNTED, LIMIT, PLANNED, Sheet, thinned, write_inside
 from steptwin.host.record.plots.shown_run import ShownRun, accepted_rates, planned_rates
 from steptwin.host.robots.joint import Joint
@@ -48,7 +48,7 @@ def _draw_dir(axes: Axes, comparison: Comparison, i: int) -> None:
     if len(evidence.dir_levels) == 0:
         write_inside(axes, "no change", color="0.4")
         return
-    end_s = comparison.expected.trajectory.duration_s
+    end_s = comparison.expected.motion.duration_s
     edges_s = evidence.rates.trajectory_s(evidence.dir_edge_counts, comparison.evidence.start_counts)
     levels = np.concatenate(([1 - evidence.dir_levels[0]], evidence.dir_levels, evidence.dir_levels[-1:]))
     t_s = np.concatenate(([min(0.0, edges_s[0])], edges_s, [max(end_s, edges_s[-1])]))
@@ -67,14 +67,14 @@ HALF_S: Final = 0.5e-3
 def draw_joints(sheet: Sheet, shown: ShownRun) -> None:
     """Draw a row for each moving joint: position, speed and acceleration, from left to right."""
     comparison, t_s = shown.comparison, shown.planned_s
-    trajectory, robot = comparison.expected.trajectory, comparison.expected.robot
+    motion, robot = comparison.expected.motion, comparison.expected.robot
     moving = [i for i in shown.moving if i < len(comparison.joint_names)]
     rows = sheet.panels(len(moving), note=shown.still)
-    motion = (trajectory.positions(t_s), trajectory.velocities(t_s), mean_accelerations(trajectory, t_s))
+    columns = (motion.positions(t_s), motion.velocities(t_s), mean_accelerations(motion, t_s))
     for row, i in zip(rows, moving, strict=False):
         unit = comparison.expected.joint_units[i]
         limits = _limits(robot.joints[i]) if robot else (None, None, None)
-        for axes, values, own_limits in zip(row, motion, limits, strict=True):
+        for axes, values, own_limits in zip(row, columns, limits, strict=True):
             _draw(axes, t_s, values[:, i], own_limits, is_rate=axes is not row[0])
         sheet.label(row[0], comparison.joint_names[i], unit)
         for axes, per in zip(row[1:], ("/s", "/s^2"), strict=True):
@@ -82,13 +82,13 @@ def draw_joints(sheet: Sheet, shown: ShownRun) -> None:
     rows[-1][0].set_xlim(0.0, shown.end_s)
 
 
-def mean_accelerations(trajectory: Trajectory, t_s: FloatArray) -> FloatArray:
+def mean_accelerations(motion: Motion, t_s: FloatArray) -> FloatArray:
     """Return the joints' mean accelerations over the millisecond around each instant, shape (n, joints).
 
     At both ends it is the half millisecond within the motion.
     """
-    before_s, after_s = np.clip([t_s - HALF_S, t_s + HALF_S], 0.0, trajectory.duration_s)
-    changes = trajectory.velocities(after_s) - trajectory.velocities(before_s)
+    before_s, after_s = np.clip([t_s - HALF_S, t_s + HALF_S], 0.0, motion.duration_s)
+    changes = motion.velocities(after_s) - motion.velocities(before_s)
     return np.asarray(changes / (after_s - before_s)[:, np.newaxis])
 
 

@@ -95,7 +95,7 @@ class ShownRun:
     def still(self) -> str:
         """A note with the axes without motion and their positions; empty if all move."""
         expected = self.comparison.expected
-        positions = expected.trajectory.positions(np.zeros(1))[0]
+        positions = expected.motion.positions(np.zeros(1))[0]
         joint_of, units = expected.coupling.joint_of, expected.joint_units
         still = [
             f"{name} at {positions[joint_of(i)]:g} {units[joint_of(i)]}"
@@ -107,7 +107,7 @@ class ShownRun:
     @cached_property
     def end_s(self) -> float:
         """End of the planned motion."""
-        return self.comparison.expected.trajectory.duration_s
+        return self.comparison.expected.motion.duration_s
 
     @cached_property
     def planned_s(self) -> FloatArray:
@@ -215,4 +215,4 @@ def accepted_rates(comparison: Comparison, axis: int) -> tuple[FloatArray, Float
 
 def planned_rates(comparison: Comparison, t_s: FloatArray) -> FloatArray:
     """Return each axis' planned rate in steps/s at n instants, of shape (n, axes)."""
-    return np.abs(comparison.expected.axis_steps(comparison.expected.trajectory.velocities(t_s)))
+    return np.abs(comparison.expected.axis_steps(comparison.expected.motion.velocities(t_s)))

@@ -34,7 +34,7 @@ def draw_tool_pose(sheet: Sheet, shown: ShownRun) -> None:
     robot, task, forward = comparison.expected.robot, comparison.expected.task, comparison.expected.forward
     labels = [f"{_NAMES.get(name, name)} [{unit or '1'}]" for name, unit in task.coordinates.items()]
     rows = sheet.panels(max(len(labels), _COLUMN), band_lines=1)
-    planned, counted = comparison.expected.trajectory.positions(t_s), _counted(comparison, t_s)
+    planned, counted = comparison.expected.motion.positions(t_s), _counted(comparison, t_s)
     poses, counted_poses = (task.unwrapped(task.figures(forward(joints))) for joints in (planned, counted))
     for (axes, _), values, counted_values, label in zip(rows, poses.T, counted_poses.T, labels, strict=False):
         _draw_both(axes, t_s, values, counted_values)
@@ -145,8 +145,8 @@ def _links(comparison: Comparison) -> tuple[ArmPart, ...]:
     expected = comparison.expected
     if expected.robot is None:
         return ()
-    t_s = np.linspace(0.0, expected.trajectory.duration_s, ARM_INSTANTS)
-    return make_kinematics(expected.robot).links(expected.trajectory.positions(t_s))
+    t_s = np.linspace(0.0, expected.motion.duration_s, ARM_INSTANTS)
+    return make_kinematics(expected.robot).links(expected.motion.positions(t_s))
 
 
 def _draw_arm(axes: Axes, links: tuple[ArmPart, ...], view: Plane) -> None:

@@ -5,7 +5,7 @@ The sliders' mechanism moves its platform radially by z2 and vertically by z3:
     rho = l2 + l3 + z2       X = rho cos th1       Y = rho sin th1       Z = l1 + z3 - l4       phi = th1 + th4
 
 Source: H. Zhou, four-DOF hybrid handling robot. The copy used has lost its display equations and dimensions;
-the radial layout is assumed (docs/robots.md).
+the radial layout is assumed (docs/papers/hybrid-arm.md).
 
 The mechanism is planar and parallel: two links of equal length L meet at the point c = (z2, z3). Its screws are at -h
 and +h; the sliders on them are at heights Z5 and Z6:

@@ -177,7 +177,7 @@ class LabGeometry(FileTable):
     A ball screw lifts the arm of three parallel rotary joints; the tool points down.
 
     Source: H. Wang, B. Yin, R. Luo, X. Wang, "Mechanism design and kinematics analysis of 4-dof SCARA robot system",
-    J. Mechanical & Electrical Engineering 36(12), 2019, 1320-1324, its equations corrected (docs/robots.md).
+    J. Mechanical & Electrical Engineering 36(12), 2019, 1320-1324, its equations corrected (docs/papers/lab-scara.md).
     """
 
     a2_mm: Positive = dimension("first link, from shoulder to elbow", 400.0)

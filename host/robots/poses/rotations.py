@@ -188,6 +188,10 @@ NORM_OFF_MAX: Final = 1e-3
 class Orientation:
     """An orientation by its key and numbers.
 
+    Attributes:
+        key: how the numbers describe it, a key of robot files and programs such as `rotvec_deg`.
+        values: the numbers of this key.
+
     Raises:
         InputError: there are too many or too few numbers, a quaternion's length is off 1 by more than NORM_OFF_MAX, or
             a direction has no length.

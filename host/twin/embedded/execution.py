@@ -15,7 +15,6 @@ from steptwin.host.common.features import giving
 from steptwin.host.operate.inputs_outputs import plan_made, streamed_motion, waits_made
 from steptwin.host.operate.setting_up import set_up
 from steptwin.host.planning.plan import Plan
-from steptwin.host.planning.trajectory import waits_of
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.embedded.outcome import Outcome, RunEnd, RunFault, not_begun
@@ -75,7 +74,7 @@ def execute(
         kernel,
         options,
         commissioned=False,  # `set_up` writes every setting
-        waits_for={wait.input for wait in waits_of(plan.trajectory)},
+        waits_for={wait.input for wait in plan.motion.waits},
     )
     on_board(board)
     board.change_inputs(inputs)
@@ -86,7 +85,7 @@ def execute(
     run = RunInfo(
         robot=robot.name,
         job=job,
-        duration_s=made.trajectory.duration_s,
+        duration_s=made.motion.duration_s,
         bus=board.bus_report(),
         simulated_s=board.now_s(),
         wall_s=time.perf_counter() - started_s,
@@ -94,9 +93,9 @@ def execute(
     expected = {
         feature.name: left
         for feature, leaves in giving("expected")
-        if (left := leaves(robot, made.trajectory, feature.options_in(options.extras))) is not None
+        if (left := leaves(robot, made.motion, feature.options_in(options.extras))) is not None
     }
-    comparison = compare(Expectation.of(robot, made.trajectory, expected), board.evidence())
+    comparison = compare(Expectation.of(robot, made.motion, expected), board.evidence())
     settled = board.settled(comparison.evidence)
     report = verify_comparison(comparison, run)
     outcome = Outcome(

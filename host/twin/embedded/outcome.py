@@ -8,8 +8,8 @@ from typing import Any, Protocol
 from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError
 from steptwin.host.common.features import judge_of
 from steptwin.host.operate.inputs_outputs import waits_document
+from steptwin.host.planning.motion import Wait
 from steptwin.host.planning.plan import Plan
-from steptwin.host.planning.trajectory import Wait
 from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, keep_recording, prepare_folder, write_folder
 from steptwin.host.record.folder.writing import can_draw, draw_pictures
 from steptwin.host.twin.machine.boards import crystals_document

@@ -1,6 +1,6 @@
 """Options of an emulated machine: its differences from the robot's file, and operations on it.
 
-Each option is defined here once. Command options, arguments of functions and fixtures, and docs/machine-options.md
+Each option is defined here once. Command options, arguments of functions and fixtures, and docs/robot-files.md
 derive from it. This module imports little, since `steptwin --help` reads it.
 """
 

@@ -1,38 +1,21 @@
 """Make a motion whose crossings fall on whole timer counts: 1000 steps/s for 100 ms, step k at (k + 9/16) ms."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from steptwin.bench.step_methods import AxisPulses
 from steptwin.bench.step_methods.motions import UNITS_PER_STEP, PlannedMotion
-from steptwin.host.common.arrays import FloatArray
-from steptwin.host.planning.trajectory import OutputChange
+from steptwin.host.planning.motion import JointFunctions, Motion
 from steptwin.host.robots import load_robot
 
 STEPS = 100
 BOARD = load_robot("warehouse-scara").board
 
 
-@dataclass(frozen=True, slots=True)
-class Line:
-    """A `Trajectory` at constant speed, except that it does not begin and end at rest."""
-
-    joint_names: tuple[str, ...] = ("line",)
-    duration_s: float = 0.1
-    breakpoints_s: tuple[float, ...] = ()
-    output_changes: tuple[OutputChange, ...] = ()
-
-    def positions(self, t_s: FloatArray) -> FloatArray:
-        return 1000 * t_s[:, None]
-
-    def velocities(self, t_s: FloatArray) -> FloatArray:
-        return np.full((len(t_s), 1), 1000.0)
-
+CONSTANT_SPEED = JointFunctions(lambda t_s: 1000 * t_s[:, None], lambda t_s: np.full((len(t_s), 1), 1000.0))
 
 LINE = PlannedMotion(
     "line",
-    Line(),
+    Motion(("line",), 0.1, CONSTANT_SPEED),  # it does not begin and end at rest
     np.ones(1),
     np.array([16]),
     np.array([0, 100]),

@@ -10,7 +10,7 @@ from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.drivers.driver_module import Module
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Cubic
-from steptwin.host.planning.motions.joint_move import JointMove
+from steptwin.host.planning.motions.joint_move import joint_move
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
@@ -56,7 +56,7 @@ def tenths(drivers: str | None) -> Robot:
 def there(robot: Robot) -> Plan:
     """Return a motion of all joints at once, of 0.6 s."""
     goal = tuple(home + way for home, way in zip(robot.home, (8.0, -6.0, 4.0, 12.0), strict=True))
-    return plan(robot, JointMove(robot.joint_names, robot.home, goal, Cubic(1.0, 0.6)))
+    return plan(robot, joint_move(robot.joint_names, robot.home, goal, Cubic(1.0, 0.6)))
 
 
 def test_it_runs_a_job_and_counts_each_edge(fast_kernel: Kernel, counters: str) -> None:

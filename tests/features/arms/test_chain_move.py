@@ -9,7 +9,8 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.laws import SCurve
-from steptwin.host.planning.motions.tool_move import ToolMove, present_branch
+from steptwin.host.planning.motion import Motion
+from steptwin.host.planning.motions.tool_move import ToolMove, present_branch, tool_move
 from steptwin.host.planning.paths import OnTheSpot, Oriented, OutOfReachError, ToolPath, straight
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs.compiling import compile_program
@@ -18,6 +19,7 @@ from steptwin.host.robots.poses import POSE, Orientation, Pose, Turning
 from steptwin.host.robots.robot import Robot
 from tests.features.arms.arms import arm, kinematics_of
 from tests.features.arms.test_numeric import five_axes, missing_wrist
+from tests.laws import law_of
 from tests.messages import refusing
 
 FINE_S = 1e-4
@@ -27,21 +29,22 @@ def pose_of(robot: Robot, joints: list[float]) -> Pose:
     return tuple(kinematics_of(robot).forward(np.array([joints]))[0].tolist())
 
 
-def along(robot: Robot, path: ToolPath, joints: list[float], speed: float = 20.0) -> ToolMove:
+def along(robot: Robot, path: ToolPath, joints: list[float], speed: float = 20.0) -> Motion:
     start = np.array(joints)
-    return ToolMove.along(robot, path, SCurve.at_speed(path.length_mm, speed, 0.3), present_branch(robot, start), start)
+    return tool_move(robot, path, SCurve.at_speed(path.length_mm, speed, 0.3), present_branch(robot, start), start)
 
 
-def sampled(move: ToolMove) -> tuple[FloatArray, FloatArray]:
+def sampled(move: Motion) -> tuple[FloatArray, FloatArray]:
     t_s = np.arange(0.0, move.duration_s, FINE_S)
     return t_s, move.positions(t_s)
 
 
-def check_follows(robot: Robot, move: ToolMove, off_mm: float = 1e-6) -> None:
+def check_follows(robot: Robot, move: Motion, off_mm: float = 1e-6) -> None:
     """The tool is on its path at every instant, and the velocities are the positions' derivatives."""
     kinematics = kinematics_of(robot)
     t_s, joints = sampled(move)
-    planned, reached = move.poses(t_s), kinematics.forward(joints)
+    law = law_of(move, ToolMove)
+    planned, reached = law.path.poses(law.law.position(t_s)), kinematics.forward(joints)
     assert np.linalg.norm((reached - planned)[:, :3], axis=1).max() < off_mm
     assert kinematics.task.off_deg(reached, planned).max() < 1e-4
     differences = (joints[2:] - joints[:-2]) / (2 * FINE_S)
@@ -72,8 +75,9 @@ class TestThroughTheStretchedWrist:
     def test_it_is_told_where_the_branch_changes(self) -> None:
         path, joints = self.line()
         move = along(self.ROBOT, path, joints)
-        assert move.branch == "front-up-noflip"
-        ((at_s, name),) = move.changes
+        law = law_of(move, ToolMove)
+        assert law.branch == "front-up-noflip"
+        ((at_s, name),) = law.changes
         assert name == "front-up-flip"
         assert move.positions(np.array([at_s]))[0, 4] == pytest.approx(0.0, abs=0.1)
 
@@ -121,7 +125,7 @@ def test_a_line_of_random_joints() -> None:
     robot = arm("AR4")
     start, goal = [20.0, 20.0, 10.0, 30.0, 40.0, 50.0], [-30.0, 35.0, -5.0, 10.0, 60.0, 20.0]
     move = along(robot, straight(POSE, pose_of(robot, start), pose_of(robot, goal)), start)
-    assert move.changes == ()
+    assert law_of(move, ToolMove).changes == ()
     assert move.positions(np.array([move.duration_s]))[0] == pytest.approx(goal, abs=1e-9)
     check_follows(robot, move)
 

@@ -48,7 +48,7 @@ def complaint(folder: Path, text: str, robot: Robot = AR4) -> str:
 def test_every_convention_is_the_same_motion(name: str, tmp_path: Path) -> None:
     header, turns = COLUMNS[name]
     motion = read(tmp_path, csv(header, [[*place, *turn] for place, turn in zip(PLACES, turns.tolist(), strict=True)]))
-    poses = make_kinematics(AR4).forward(motion.trajectory.positions(np.array([0.0, 2.0, 4.0])))
+    poses = make_kinematics(AR4).forward(motion.whole.positions(np.array([0.0, 2.0, 4.0])))
     assert poses[:, :3] == pytest.approx(np.array(PLACES), abs=1e-6)
     assert np.rad2deg((Rotation.from_quat(poses[:, 3:]).inv() * TURNS).magnitude()).max() < 1e-6
 

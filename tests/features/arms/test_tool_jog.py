@@ -28,7 +28,7 @@ def test_the_way_is_straight_and_ends_where_the_reach_ends(robot: Robot, axis: s
     """A search by whole plans finds the same end; the way may end a millimetre or a fiftieth before it."""
     start = standing(robot)
     plan = plan_tool_jog(robot, start, axis, 25.0 * sign)
-    path = poses(plan, np.linspace(0.0, plan.trajectory.duration_s, 101))
+    path = poses(plan, np.linspace(0.0, plan.motion.duration_s, 101))
     ways = path[:, :3] - path[0, :3]
     column = "xyz".index(axis)
     assert np.abs(np.delete(ways, column, axis=1)).max() < 1e-6
@@ -42,7 +42,7 @@ def test_the_speed_is_what_was_asked_for_where_the_joints_allow_it() -> None:
     robot = load_robot("calibration-scara")
     for speed in (10.0, 50.0):
         plan = plan_tool_jog(robot, standing(robot), "x", -speed)
-        t_s = np.linspace(0.0, plan.trajectory.duration_s, 2001)
+        t_s = np.linspace(0.0, plan.motion.duration_s, 2001)
         speeds = np.linalg.norm(np.diff(poses(plan, t_s)[:, :3], axis=0), axis=1) / np.diff(t_s)
         assert speeds.max() == pytest.approx(speed, rel=0.02)
 
@@ -51,9 +51,9 @@ def test_where_it_is_too_fast_soon_it_is_slower_and_goes_as_far() -> None:
     """The warehouse's lift makes some 60 mm/s: at 250 mm/s not even a millimetre would pass."""
     robot = load_robot("warehouse-scara")
     fast, slow = (plan_tool_jog(robot, standing(robot), "z", speed) for speed in (SPEED_MAX_MM_S, 10.0))
-    ends = [poses(plan, np.array([plan.trajectory.duration_s]))[0, 2] for plan in (fast, slow)]
+    ends = [poses(plan, np.array([plan.motion.duration_s]))[0, 2] for plan in (fast, slow)]
     assert ends[0] == pytest.approx(ends[1], abs=1e-6)
-    assert fast.trajectory.duration_s < slow.trajectory.duration_s
+    assert fast.motion.duration_s < slow.motion.duration_s
 
 
 def test_bad_jogs_are_refused() -> None:
@@ -73,7 +73,7 @@ def test_bad_jogs_are_refused() -> None:
 def test_a_six_axis_arm_turns_on_the_spot_at_the_speed_that_was_asked_for(frame: StepFrame) -> None:
     robot = load_robot("ar4-mk3")
     plan = plan_tool_jog(robot, [0.0, 10.0, 20.0, 0.0, 45.0, 0.0], "rz", 8.0, frame)
-    t_s = np.linspace(0.0, plan.trajectory.duration_s, 1001)
+    t_s = np.linspace(0.0, plan.motion.duration_s, 1001)
     path = poses(plan, t_s)
     assert np.abs(path[:, :3] - path[0, :3]).max() < 1e-6
     rates = make_kinematics(robot).task.off_deg(path[1:], path[:-1]) / np.diff(t_s)

@@ -58,7 +58,7 @@ def planned(robot: Robot, axis: str, distance: float, percent: float = 20.0) -> 
 
 
 def poses(plan: Plan, t_s: FloatArray) -> FloatArray:
-    return make_kinematics(plan.robot).forward(plan.trajectory.positions(t_s))
+    return make_kinematics(plan.robot).forward(plan.motion.positions(t_s))
 
 
 @pytest.mark.parametrize(("axis", "distance"), CENTIMETRES)
@@ -66,7 +66,7 @@ def poses(plan: Plan, t_s: FloatArray) -> FloatArray:
 def test_the_tool_moves_along_one_axis_alone(robot: Robot, axis: str, distance: float) -> None:
     """At every instant; at the end by the whole distance; from exactly where the machine stands."""
     plan = planned(robot, axis, distance)
-    path = poses(plan, np.linspace(0.0, plan.trajectory.duration_s, 201))
+    path = poses(plan, np.linspace(0.0, plan.motion.duration_s, 201))
     moved = path - path[0]
     moved[:, 3] = (moved[:, 3] + 180.0) % 360.0 - 180.0
     column = AXES.index(axis)
@@ -81,7 +81,7 @@ def test_the_tool_moves_along_one_axis_alone(robot: Robot, axis: str, distance: 
 def test_the_speed_is_the_wanted_part_unless_a_joint_is_slower(robot: Robot, percent: float) -> None:
     for axis, highest in (("x", SPEED_MAX_MM_S), ("z", SPEED_MAX_MM_S), ("phi", TURN_SPEED_MAX_DEG_S)):
         plan = planned(robot, axis, 20.0, percent)
-        t_s = np.arange(0.0, plan.trajectory.duration_s, 0.001)
+        t_s = np.arange(0.0, plan.motion.duration_s, 0.001)
         speed = np.abs(np.diff(poses(plan, t_s)[:, AXES.index(axis)]) / 0.001).max()
         assert speed <= percent / 100 * highest * (1 + 1e-6)
         at_a_limit = max(peak.percent for peak in plan.peaks) > 95.0
@@ -128,7 +128,7 @@ def test_lift_and_wrist_move_where_the_arm_is_singular(name: str) -> None:
     home = list(robot.home)
     for axis, distance in (("z", -10.0), ("phi", 180.0), ("phi", -TURN_MAX_DEG)):
         plan = plan_tool_step(robot, home, ToolStep({axis: distance}, 20.0))
-        assert poses(plan, np.array([plan.trajectory.duration_s]))[0, 2] == pytest.approx(
+        assert poses(plan, np.array([plan.motion.duration_s]))[0, 2] == pytest.approx(
             make_kinematics(robot).forward(np.array([home]))[0, 2] + (distance if axis == "z" else 0.0)
         )
     complaint = complaint_of(lambda: plan_tool_step(robot, home, ToolStep({"x": -5.0}, 20.0)))
@@ -141,7 +141,7 @@ def test_lift_and_wrist_move_where_the_arm_is_singular(name: str) -> None:
 def test_near_a_singularity_the_step_is_slower() -> None:
     near, away = ([0.0, th2, 0.0, 0.0] for th2 in (2.0, 60.0))
     slow, usual = (plan_tool_step(TEACHING, at, ToolStep({"x": -2.0}, 100.0)) for at in (near, away))
-    assert slow.trajectory.duration_s > 1.5 * usual.trajectory.duration_s
+    assert slow.motion.duration_s > 1.5 * usual.motion.duration_s
     assert max(peak.percent for peak in slow.peaks) == pytest.approx(100.0, abs=1.0)
 
 
@@ -150,7 +150,7 @@ def test_a_tool_that_does_not_turn_by_itself_turns_with_the_arm() -> None:
     at = rounded(arm, [20.0, 60.0, 10.0])
     for axis, distance in (("x", -30.0), ("y", 20.0), ("z", -5.0)):
         plan = plan_tool_step(arm, at, ToolStep({axis: distance}, 20.0))
-        path = poses(plan, np.linspace(0.0, plan.trajectory.duration_s, 101))
+        path = poses(plan, np.linspace(0.0, plan.motion.duration_s, 101))
         wanted = np.zeros(3)
         wanted[AXES.index(axis)] = distance
         assert path[-1, :3] - path[0, :3] == pytest.approx(wanted, abs=1e-6)
@@ -164,7 +164,7 @@ def test_coupled_axes_follow_the_joints() -> None:
     coupled = replace(TEACHING, coupling=Coupling.of(TEACHING.joint_names, {"th2": {"th1": 1.0}}))
     at = [20.0, 50.0, 20.0, -30.0]
     alone, both = (plan_tool_step(robot, at, ToolStep({"y": 10.0}, 20.0)) for robot in (TEACHING, coupled))
-    assert both.trajectory.duration_s == alone.trajectory.duration_s
+    assert both.motion.duration_s == alone.motion.duration_s
     sums = alone.points_units.copy()
     sums[:, 1] += alone.points_units[:, 0]
     assert np.abs(both.points_units - sums).max() <= 1
@@ -194,7 +194,7 @@ def test_a_bad_step(distances: dict[str, float]) -> None:
 def moved_by(robot: Robot, start: list[float], step: ToolStep) -> tuple[FloatArray, FloatArray]:
     """Return by what the tool moves, (3,), and turns, (3, 3), in the axes of the step's frame."""
     plan = plan_tool_step(robot, start, step)
-    joints = plan.trajectory.positions(np.array([0.0, plan.trajectory.duration_s]))
+    joints = plan.motion.positions(np.array([0.0, plan.motion.duration_s]))
     first, last = tool_frames(make_kinematics(robot), joints)
     axes = first[:3, :3] if step.frame is StepFrame.TOOL else np.eye(3)
     return axes.T @ (last - first)[:3, 3], axes.T @ last[:3, :3] @ first[:3, :3].T @ axes
@@ -246,7 +246,7 @@ def test_a_spin_that_follows_from_the_arm_is_no_step() -> None:
     start = rounded(arm, [20.0, 10.0, 20.0, 30.0, 40.0])
     before = make_kinematics(arm).forward(np.array([start]))[0, 3:]
     plan = plan_tool_step(arm, start, ToolStep({"rx": 5.0}, 20.0, StepFrame.TOOL))
-    after = poses(plan, np.array([plan.trajectory.duration_s]))[0, 3:]
+    after = poses(plan, np.array([plan.motion.duration_s]))[0, 3:]
     assert np.rad2deg(np.arccos(before @ after)) == pytest.approx(5.0, abs=1e-6)
     complaint = complaint_of(lambda: plan_tool_step(arm, start, ToolStep({"rz": 5.0}, 20.0, StepFrame.TOOL)))
     assert complaint.startswith("the tool's rz +5 deg: turns the tool about itself only, and its spin follows from the")

@@ -78,7 +78,7 @@ class TestCoefficients:
             assert [derivatives[parameter][key] for key in keys] == pytest.approx(by_difference, abs=1e-6)
 
     def test_the_errors_of_a_file_add_up(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-        """The arm of docs/calibration.md: the sum of the errors' parts, computed here from the DH products alone."""
+        """The arm of docs/machines.md: the sum of the errors' parts, computed here from the DH products alone."""
         errors = {
             "link1": {"a_mm": 0.4, "alpha_deg": 0.08, "theta_deg": -0.25},
             "link2": {"a_mm": -0.3, "theta_deg": 0.15},

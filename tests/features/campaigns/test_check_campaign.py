@@ -6,7 +6,7 @@ from random import Random
 import pytest
 
 from steptwin.features.campaigns import campaign
-from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.planning.motion import Motion
 from steptwin.host.robots.robot import Robot
 from tests.end_to_end.command_line import run_json
 from tests.features.campaigns.campaigns import SMALL
@@ -47,7 +47,7 @@ def test_many_scenarios_are_checked_in_one_motion_of_the_robot(
     planned: list[str] = []
     moves = campaign.random_moves
 
-    def counted(robot: Robot, count: int, reach: float, random: Random) -> Trajectory:
+    def counted(robot: Robot, count: int, reach: float, random: Random) -> Motion:
         planned.append(robot.name)
         return moves(robot, count, reach, random)
 

@@ -44,7 +44,7 @@ def evening(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
 def test_the_evening_runs(evening: Campaign) -> None:
     """One run of each scenario, of the shortest motions among the first."""
     trials = {}
-    for trial in sorted((draw(evening, seed) for seed in range(40)), key=lambda trial: -trial.trajectory.duration_s):
+    for trial in sorted((draw(evening, seed) for seed in range(40)), key=lambda trial: -trial.motion.duration_s):
         trials[trial.scenario] = trial
     assert len(trials) == len(evening.scenario) == 4
     for trial in trials.values():
@@ -55,12 +55,11 @@ def test_the_evening_runs(evening: Campaign) -> None:
 
 @pytest.mark.slow
 def test_the_campaign_of_the_ar4_runs(tmp_path: Path) -> None:
-    """One run of each scenario of docs/machines.md, its motors turned by what the drivers did."""
-    page = (Path(__file__).parents[3] / "docs" / "machines.md").read_text(encoding="utf-8")
-    text = page.partition("<!-- campaign -->\n```toml\n")[2].partition("```")[0]
+    """One run of each scenario of the example, its motors turned by what the drivers did."""
+    text = (Path(__file__).parents[3] / "docs/examples/campaigns/ar4.toml").read_text(encoding="utf-8")
     campaign = campaign_of(text.replace("runs = 200", "runs = 200\nrecover = false"), tmp_path)
     trials = {}
-    for trial in sorted((draw(campaign, seed) for seed in range(30)), key=lambda trial: -trial.trajectory.duration_s):
+    for trial in sorted((draw(campaign, seed) for seed in range(30)), key=lambda trial: -trial.motion.duration_s):
         trials[trial.scenario] = trial
     assert len(trials) == len(campaign.scenario) == 4
     for trial in trials.values():

@@ -65,7 +65,7 @@ def trials(wide: Campaign) -> list[Trial]:
 
 
 def _facts(trial: Trial) -> Any:
-    return trial.robot_name, trial.motion, trial.options, trial.scenario, trial.table, trial.varied
+    return trial.robot_name, trial.motion_name, trial.options, trial.scenario, trial.table, trial.varied
 
 
 def _planned(trial: Trial) -> Any:
@@ -84,8 +84,8 @@ def test_everything_is_drawn_by_its_weight(trials: list[Trial]) -> None:
     assert set(Counter(trial.robot_name for trial in trials)) == {"teaching-scara", "lab-scara"}
     scenarios = Counter(trial.scenario for trial in trials)
     assert scenarios["two"] > 2 * scenarios["nothing"] > 0
-    assert {trial.motion for trial in trials if trial.robot_name == "lab-scara"} == {"random moves"}
-    assert {trial.options["law"] for trial in trials if trial.motion == "carry"} == {"cubic", "quintic"}
+    assert {trial.motion_name for trial in trials if trial.robot_name == "lab-scara"} == {"random moves"}
+    assert {trial.options["law"] for trial in trials if trial.motion_name == "carry"} == {"cubic", "quintic"}
 
 
 def test_a_further_parameter_leaves_the_others_as_they_were(wide: Campaign, trials: list[Trial]) -> None:
@@ -106,7 +106,7 @@ def test_the_robot_is_as_drawn(trials: list[Trial]) -> None:
     assert {joint.transmission.microsteps for joint in robot.joints} == {8}
     assert robot.board.bitrate == varied["bitrate"]
     assert {joint.motor.friction_nm for joint in robot.joints if joint.motor} >= {0.02}
-    slower = trial.plan().trajectory.duration_s / trial.trajectory.duration_s
+    slower = trial.plan().motion.duration_s / trial.motion.duration_s
     assert slower == pytest.approx(varied["stretch"], rel=0.01)
 
 
@@ -123,7 +123,7 @@ def test_ramps_that_motors_manage_are_those_of_the_robot_as_drawn_wherever_they_
     ramps = [joint.acceleration_max for joint in shoulder[1:]]
     assert ramps == [*sorted(ramps[:2]), 1500.0, 1500.0]
     assert ramps[0] < ramps[1] < 65.0
-    assert draw(first, seed).plan().trajectory.duration_s > draw(by_file, seed).plan().trajectory.duration_s
+    assert draw(first, seed).plan().motion.duration_s > draw(by_file, seed).plan().motion.duration_s
     module = replace(
         light, vary={**light.vary, "driver_profile": "3a-module"}
     )  # which lowers a standing motor's current
@@ -133,9 +133,9 @@ def test_ramps_that_motors_manage_are_those_of_the_robot_as_drawn_wherever_they_
 
 def test_random_moves_stay_within_reach(trials: list[Trial]) -> None:
     for trial in trials:
-        if trial.motion == "random moves":
-            trajectory, robot = trial.trajectory, trial.setup.robot
-            way = np.abs(trajectory.positions(np.linspace(0, trajectory.duration_s, 50)) - robot.home)
+        if trial.motion_name == "random moves":
+            motion, robot = trial.motion, trial.setup.robot
+            way = np.abs(motion.positions(np.linspace(0, motion.duration_s, 50)) - robot.home)
             ranges = np.array([joint.upper - joint.lower for joint in robot.joints])
             assert (way <= trial.options["reach"] * ranges + 1e-9).all()
 
@@ -145,15 +145,15 @@ def test_instants_and_positions_are_placed_in_the_motion(trials: list[Trial]) ->
     plan = trial.plan()
     first, second = placed(dict(trial.table), plan)["fault"]
     part = trial.table["fault"][0]["at_s"].part
-    assert first["at_s"] == pytest.approx(part * plan.trajectory.duration_s, abs=1e-4)
+    assert first["at_s"] == pytest.approx(part * plan.motion.duration_s, abs=1e-4)
     at = second["at_position"]
-    at_s = np.array([trial.table["fault"][1]["at_position"]["value"].part * plan.trajectory.duration_s])
-    position = plan.trajectory.positions(at_s)[0, plan.robot.index_of(at["joint"])]
+    at_s = np.array([trial.table["fault"][1]["at_position"]["value"].part * plan.motion.duration_s])
+    position = plan.motion.positions(at_s)[0, plan.robot.index_of(at["joint"])]
     assert at["value"] == pytest.approx(position, abs=1e-4)
 
 
 def test_parameters_say_where_they_are(trials: list[Trial]) -> None:
-    trial = next(trial for trial in trials if trial.scenario == "two" and trial.motion == "random moves")
+    trial = next(trial for trial in trials if trial.scenario == "two" and trial.motion_name == "random moves")
     parameters = trial.parameters
     assert parameters["payload_kg"] == trial.varied["payload_kg"]
     assert parameters["random moves.reach"] == trial.options["reach"]

@@ -242,7 +242,7 @@ def test_a_drawn_run_that_no_robot_can_make_is_refused(tmp_path: Path) -> None:
     row = run_trial(replace(trial, slowable=False))
     assert row.ended is Ended.REFUSED
     assert "more than the driver's 15.0 kHz" in row.message
-    assert trial.plan().trajectory.duration_s > 0.5 * trial.trajectory.duration_s  # random moves are slowed down
+    assert trial.plan().motion.duration_s > 0.5 * trial.motion.duration_s  # random moves are slowed down
 
 
 @pytest.mark.parametrize(("rotor", "off"), [(232.9, 30.0), (198.04, -2.0), (194.0, -2.0), (190.1, -10.0)])

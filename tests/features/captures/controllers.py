@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steptwin.host.planning.motion import JointLaw, Motion
+
 Floats = NDArray[np.float64]
 Signs = NDArray[np.int8]
 
@@ -43,12 +45,11 @@ class Move(NamedTuple):
 
 
 @dataclass
-class Moves:
-    """A motion of straight moves with rests between some; it can be judged as a trajectory of these joints."""
+class Moves(JointLaw):
+    """Straight moves with rests between some."""
 
     joint_names: tuple[str, ...]
     moves: list[Move] = field(default_factory=list)
-    output_changes: tuple[()] = ()
 
     @classmethod
     def random(
@@ -92,8 +93,9 @@ class Moves:
         return self.moves[-1].begin_s + self.moves[-1].lasts_s
 
     @property
-    def breakpoints_s(self) -> tuple[float, ...]:
-        return tuple(move.begin_s for move in self.moves[1:])
+    def motion(self) -> Motion:
+        """The motion of these joints, for the judge."""
+        return Motion(self.joint_names, self.duration_s, self, tuple(move.begin_s for move in self.moves[1:]))
 
     def positions(self, t_s: Floats) -> Floats:
         return self._at(t_s, lambda move, t: move.start + np.outer(move.way(t), move.direction))

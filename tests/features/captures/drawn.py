@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from steptwin.features.captures.channel_map import AxisSignals, ProbeLine
+from steptwin.host.planning.motion import JointLaw, Motion
 from steptwin.host.robots.poses.task import TASKS
 from steptwin.host.verify import Expectation
 from tests.features.captures.controllers import Floats, Signs, Steps, by_counts, by_thresholds, wires
@@ -27,13 +28,12 @@ class Law(NamedTuple):
 
 
 @dataclass
-class Drawn:
-    """A path of strokes in mm, drawn by a trapezoid of speed each; it is a trajectory, too."""
+class Drawn(JointLaw):
+    """A path of strokes in mm, drawn by a trapezoid of speed each."""
 
     strokes: list[Floats]
     law: Law
     pause_s: float = 0.0
-    output_changes: tuple[()] = ()
 
     def __post_init__(self) -> None:
         self.ways = [
@@ -52,10 +52,6 @@ class Drawn:
     @property
     def duration_s(self) -> float:
         return float(np.ceil(1000.0 * self.begins_s[-1]) / 1000.0)
-
-    @property
-    def breakpoints_s(self) -> tuple[float, ...]:
-        return ()
 
     def gone(self, stroke: int, t_s: Floats) -> Floats:
         """Return how far a stroke is drawn, at instants since its begin."""
@@ -86,7 +82,7 @@ class Drawn:
             return np.column_stack([joints, np.zeros((len(joints), 3 - axes))])
 
         return Expectation(
-            self,
+            Motion(self.joint_names, self.duration_s, self),
             np.full(axes, per_mm),
             ("mm",) * axes,
             forward,

@@ -18,15 +18,15 @@ def fitted(seed: int, rule: str, moves: int | None = None) -> tuple[ClockFit, Cl
     per_unit = random.choice([16.0, 40.0, 80.0], axes)
     start = np.where(random.random(axes) < 0.5, 0.0, random.uniform(-50.0, 50.0, axes))
     count = int(random.integers(2, 14)) if moves is None else moves
-    motion = Moves.random(random, "abcd"[:axes], count, start, random.choice([30.0, 80.0]), random.choice([200.0, 1e3]))
+    law = Moves.random(random, "abcd"[:axes], count, start, random.choice([30.0, 80.0]), random.choice([200.0, 1e3]))
     clock = Clock(
         offset_s=float(random.uniform(0.0, 3.0)),
         ppm=float(random.choice([0.0, 50.0, -158.0])),
         rate_hz=float(random.choice([1e6, 8e6, 24e6])),
         jitter_s=float(random.choice([0.0, 1e-6, 5e-6])),
     )
-    ideal = ideal_steps(motion, per_unit, tuple(round(place) for place in (start * per_unit).tolist()))
-    seen = [clock.sees(steps, random) for steps in made_steps(motion, per_unit, rule, random)]
+    ideal = ideal_steps(law.motion, per_unit, tuple(round(place) for place in (start * per_unit).tolist()))
+    seen = [clock.sees(steps, random) for steps in made_steps(law, per_unit, rule, random)]
     return fit_clock(ideal, [CapturedSteps(*steps) for steps in seen]), clock
 
 

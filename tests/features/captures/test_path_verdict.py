@@ -246,8 +246,8 @@ def test_gcode_is_followed_to_its_very_corners(tmp_path: Path) -> None:
     for wanted in (words, f"{words} blend_mm=0.2"):
         _, _, plan = _planned(CaptureOptions(), Path(wanted), "--path")
         assert plan is not None
-        t_s = np.arange(0.0, plan.trajectory.duration_s, 0.001)
-        nearest_mm.append(np.abs(plan.trajectory.positions(t_s)[:, :2] - [80.0, 60.0]).max(axis=1).min())
+        t_s = np.arange(0.0, plan.motion.duration_s, 0.001)
+        nearest_mm.append(np.abs(plan.motion.positions(t_s)[:, :2] - [80.0, 60.0]).max(axis=1).min())
     assert nearest_mm[0] < 1e-6
     assert nearest_mm[1] > 0.02
 

@@ -13,6 +13,7 @@ from steptwin.features.fastest.corners import flowing
 from steptwin.features.fastest.executed import TimedPath, timed
 from steptwin.features.fastest.solve import fastest_squares
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.motions.sampled import Spline
 from steptwin.host.planning.motions.whole import Pace
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
@@ -20,6 +21,7 @@ from steptwin.host.robots.robot import Robot
 from tests.features.fastest.paths import joint_legs, tool_legs
 from tests.features.fastest.test_solve import duration_s
 from tests.host.robots.coupled import coupled_robot
+from tests.laws import law_of
 
 ROBOT = load_robot("teaching-scara")
 START = np.array([20.0, 105.0, 30.0, 0.0])
@@ -28,7 +30,7 @@ PICK = np.array([[0.0, 90, 50, 0], [0, 90, 5, 0], [-60, 60, 5, 20], [-60, 60, 50
 
 def use(robot: Robot, motion: TimedPath, percent: float = 100.0) -> float:
     """Return the largest part of a limit that the executed cubics use, by looking at each of them in 20 places."""
-    curve = motion.motion.curve
+    curve = law_of(motion.motion, Spline).curve
     times_s = np.asarray(curve.x)
     inside = np.linspace(0.0, 1.0, 20)[:-1]
     fine_s = np.unique((times_s[:-1, np.newaxis] + np.diff(times_s)[:, np.newaxis] * inside).ravel())

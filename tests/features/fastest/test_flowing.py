@@ -42,8 +42,8 @@ def test_the_corner_is_rounded_and_passed_as_the_table_says() -> None:
     program = compiled(CORNER)
     assert program.steps[0].notes == ("passes the corner at 1.061 mm",)  # 3/16 x 4 mm x sqrt 2
     assert program.steps[1].notes == ()
-    t_s = np.arange(0.0, program.trajectory.duration_s, 5e-4)
-    places = tool(program.trajectory.positions(t_s))[:, :3]
+    t_s = np.arange(0.0, program.motion.duration_s, 5e-4)
+    places = tool(program.motion.positions(t_s))[:, :3]
     corner = places[0] + [-40.0, 0.0, 0.0]
     away = np.linalg.norm(places - corner, axis=1)
     assert away.min() == pytest.approx(3 / 16 * 4.0 * np.sqrt(2.0), abs=0.01)
@@ -56,18 +56,18 @@ def test_the_corner_is_rounded_and_passed_as_the_table_says() -> None:
 
 def test_flowing_is_faster_than_stopping_and_keeps_the_limits() -> None:
     flowing, stopping = compiled(CORNER), compiled(line(x=-40) + line(y=-30))
-    assert flowing.trajectory.duration_s < stopping.trajectory.duration_s - 0.3
-    plan(ROBOT, flowing.trajectory)
+    assert flowing.motion.duration_s < stopping.motion.duration_s - 0.3
+    plan(ROBOT, flowing.motion)
 
 
 def test_a_program_s_law_holds_for_every_step_that_names_no_other() -> None:
     steps = "[[step]]\ngo = { th1 = -40, d3 = 5 }\n"
     usual, fastest = compiled(steps), compiled(steps, 'law = "fastest"\n')
-    assert fastest.trajectory.duration_s < usual.trajectory.duration_s - 0.03
+    assert fastest.motion.duration_s < usual.motion.duration_s - 0.03
     own = compiled(steps + 'law = "s-curve"\n', 'law = "fastest"\n')
-    assert own.trajectory.duration_s == usual.trajectory.duration_s
+    assert own.motion.duration_s == usual.motion.duration_s
     timed = compiled(steps + "duration_s = 3.0\n", 'law = "fastest"\n')
-    assert timed.trajectory.duration_s == 3.0
+    assert timed.motion.duration_s == 3.0
 
 
 @pytest.mark.slow
@@ -79,7 +79,7 @@ def test_a_repetition_and_a_sequence_flow_as_written_out() -> None:
     program = compiled(f"[[step]]\nrepeat = 2\nsteps = [{there_and_back}]\n")
     assert [row.place.pass_text for row in program.steps] == ["1"] * 4 + ["2"] * 4
     assert [bool(row.notes) for row in program.steps] == [True] * 7 + [False]  # the last one has no next one
-    speed = np.abs(program.trajectory.velocities(np.arange(0.2, program.trajectory.duration_s - 0.2, 0.01))).max(axis=1)
+    speed = np.abs(program.motion.velocities(np.arange(0.2, program.motion.duration_s - 0.2, 0.01))).max(axis=1)
     assert speed.min() > 1.0  # deg/s or mm/s: it never stops
 
 
@@ -87,7 +87,7 @@ def test_a_step_that_stands_ends_the_flow() -> None:
     program = compiled(line(x=-40, more="blend_mm = 4") + "[[step]]\npause = 0.5\n" + line(y=-30))
     assert program.steps[0].notes == ()
     assert program.steps[1].duration_s == 0.5
-    assert program.trajectory.velocities(np.array([program.steps[1].from_s]))[0] == pytest.approx(np.zeros(4))
+    assert program.motion.velocities(np.array([program.steps[1].from_s]))[0] == pytest.approx(np.zeros(4))
 
 
 class TestOutputs:
@@ -95,13 +95,13 @@ class TestOutputs:
         outputs = "outputs = [{ gripper = true, at_mm = 3.0 }, { gripper = false, at_mm = -5.0, ahead_s = 0.02 }]"
         for law in ('law = "s-curve"', 'law = "fastest"'):
             program = compiled(line(x=-40, more=f"{outputs}\n{law}"))
-            start = tool(program.trajectory.positions(np.zeros(1)))[0, 0]
-            on, off = program.trajectory.output_changes
+            start = tool(program.motion.positions(np.zeros(1)))[0, 0]
+            on, off = program.motion.output_changes
             assert (on.on, off.on, on.on_the_way, off.on_the_way) == (True, False, True, True)
-            places = tool(program.trajectory.positions(np.array([on.from_s, off.from_s + 0.02])))[:, 0]
+            places = tool(program.motion.positions(np.array([on.from_s, off.from_s + 0.02])))[:, 0]
             assert start - places == pytest.approx([3.0, 35.0], abs=0.07)  # up to a millisecond later, at 60 mm/s
             assert (start - places >= np.array([3.0, 35.0]) - 1e-6).all()
-            assert {on.from_s, off.from_s} <= set(program.trajectory.breakpoints_s)
+            assert {on.from_s, off.from_s} <= set(program.motion.breakpoints_s)
             assert [round(change.until_s - change.from_s, 6) for change in (on, off)] == [0.01, 0.01]
             assert program.steps[0].notes == (f"gripper on at {on.from_s:.3f} s", f"gripper off at {off.from_s:.3f} s")
 
@@ -109,8 +109,8 @@ class TestOutputs:
         program = compiled(
             line(x=-40, more="blend_mm = 4") + line(y=-30, more="outputs = [{ gripper = true, at_mm = 10 }]")
         )
-        (on,) = program.trajectory.output_changes
-        places = tool(program.trajectory.positions(np.array([0.0, on.from_s])))
+        (on,) = program.motion.output_changes
+        places = tool(program.motion.positions(np.array([0.0, on.from_s])))
         assert places[1, :2] - places[0, :2] == pytest.approx([-40.0, -10.0], abs=0.07)
 
 

@@ -10,11 +10,13 @@ from steptwin.features.fastest.corners import flowing
 from steptwin.features.fastest.rows import machine_average_s
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import SCurve
+from steptwin.host.planning.motions.sampled import Spline
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import brought_text, load_robot, read_robot
 from steptwin.host.robots.robot import Robot
 from tests.features.fastest.paths import joint_legs
 from tests.features.fastest.test_executed import use
+from tests.laws import law_of
 from tests.messages import refusing
 
 ROBOT = load_robot("teaching-scara")
@@ -63,7 +65,9 @@ def test_a_straight_move_is_the_s_curve_of_its_jerk_and_no_cubic_exceeds_a_limit
     best = SCurve.fastest(way_deg, th1.speed_max, th1.acceleration_max, th1.jerk_max)
     assert chain.timed.law.duration_s == pytest.approx(best.duration_s, abs=1e-9)
     assert use(robot, chain.timed) <= 1.0
-    assert np.abs(np.asarray(chain.timed.motion.curve.c)[0, :, 0]).max() * 6.0 <= th1.jerk_max * (1 + 1e-6)
+    assert np.abs(np.asarray(law_of(chain.timed.motion, Spline).curve.c)[0, :, 0]).max() * 6.0 <= th1.jerk_max * (
+        1 + 1e-6
+    )
     plan(robot, chain.timed.motion)
 
 

@@ -33,8 +33,8 @@ def line(x: float, y: float, places_mm: list[float], speed: float = 60.0, more: 
 
 def there_s(program: CompiledProgram, begin: FloatArray, goal: FloatArray, at_mm: float) -> float:
     """Return when the tool is on the straight line at a length, seen every 0.1 ms."""
-    t_s = np.arange(0.0, program.trajectory.duration_s, 1e-4)
-    places = tool(program.trajectory.positions(t_s))[:, :3]
+    t_s = np.arange(0.0, program.motion.duration_s, 1e-4)
+    places = tool(program.motion.positions(t_s))[:, :3]
     along = (goal - begin) / np.linalg.norm(goal - begin)
     return float(t_s[np.argmin(np.linalg.norm(places - (begin + at_mm * along), axis=1))])
 
@@ -50,9 +50,9 @@ def test_outputs_behind_a_joint_move_change_where_the_tool_is_there(
     places_mm = [r_mm + 1.0, r_mm + 9.0, length - 4.0]
     move = GO.format(th1=th1, th2=th2, d3=d3, r=r_mm)
     program = compiled(move + line(x, y, [*places_mm[:2], -4.0], speed=20.0))
-    goal = tool(program.trajectory.positions(np.array([program.trajectory.duration_s])))[0, :3]
+    goal = tool(program.motion.positions(np.array([program.motion.duration_s])))[0, :3]
     begin = goal - [x, y, 0.0]
-    for change, at_mm in zip(program.trajectory.output_changes, places_mm, strict=True):
+    for change, at_mm in zip(program.motion.output_changes, places_mm, strict=True):
         late_s = change.from_s - there_s(program, begin, goal, at_mm)
         assert -1.5e-4 <= late_s <= LATE_S
 
@@ -64,7 +64,7 @@ def test_outputs_before_a_joint_move_and_in_the_rounding_change_where_the_tool_i
     program = compiled(
         line(-40.0, 10.0, places_mm, speed=20.0, more="blend_mm = 12") + "[[step]]\ngo = { th1 = -20, d3 = 5 }\n"
     )
-    for change, at_mm in zip(program.trajectory.output_changes, places_mm, strict=True):
+    for change, at_mm in zip(program.motion.output_changes, places_mm, strict=True):
         late_s = change.from_s - there_s(program, begin, goal, at_mm)
         assert -1.5e-4 <= late_s <= LATE_S + 0.02 * (at_mm > 29.2)  # there it passes beside the place, for some 10 ms
 

@@ -59,7 +59,7 @@ def test_so_is_a_small_jump(j4_deg: float) -> None:
 def test_a_line_near_the_stretched_wrist_keeps_all_limits(tmp_path: Path) -> None:
     """It passes 0.4 deg from the singularity, where J4 and J6 turn by half a turn on a few mm."""
     program = compiled(tmp_path, 0.4, f"by = {{ {CROSSWAYS} }}\nspeed_mm_s = 60")
-    made = plan(PAROL6, program.trajectory)
+    made = plan(PAROL6, program.motion)
     assert max(peak.percent for peak in made.peaks) <= 100.0
     assert 0.2 < program.steps[1].duration_s < 3.0
 

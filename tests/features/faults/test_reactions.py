@@ -15,7 +15,7 @@ from steptwin.features.faults.kinds.bus import BusOff
 from steptwin.features.faults.kinds.machine import BrownOut, EmergencyStop, PowerUp, WatchdogReset
 from steptwin.features.faults.kinds.wiring import DriverMode, DriverProtect, OscCapacitor
 from steptwin.features.faults.options import FaultOptions
-from steptwin.features.faults.reaction import GOES_ON, Motion, Reaction
+from steptwin.features.faults.reaction import GOES_ON, MotionEffect, Reaction
 from steptwin.features.faults.report import FaultReport, ScenarioReport, print_run, report_in
 from steptwin.features.faults.scenario import Scenario
 from steptwin.host.cli.app import run
@@ -306,7 +306,7 @@ def expecting(kernel: Kernel, text: str, reaction: Reaction) -> tuple[FaultRepor
     return report.faults[0], report
 
 
-STOPPED = Reaction(Motion.RAMP, (ErrorCode.ESTOP,), State.FAULT, 0.25)
+STOPPED = Reaction(MotionEffect.RAMP, (ErrorCode.ESTOP,), State.FAULT, 0.25)
 
 
 @pytest.mark.parametrize(
@@ -316,7 +316,7 @@ STOPPED = Reaction(Motion.RAMP, (ErrorCode.ESTOP,), State.FAULT, 0.25)
         ('do = "estop"\npressed = false', STOPPED, ["it: the motion did not stop"]),
         (
             'do = "estop"\npressed = true',
-            replace(STOPPED, motion=Motion.CUT),
+            replace(STOPPED, motion=MotionEffect.CUT),
             [
                 "it: th1: was cut off in motion and claims to know its position",
                 "it: th2: was cut off in motion and claims to know its position",
@@ -339,12 +339,12 @@ STOPPED = Reaction(Motion.RAMP, (ErrorCode.ESTOP,), State.FAULT, 0.25)
         ),
         (
             'do = "estop"\npressed = true',
-            replace(STOPPED, motion=Motion.NOT_BEGUN, begins_ms=200.0),
+            replace(STOPPED, motion=MotionEffect.NOT_BEGUN, begins_ms=200.0),
             ["it: the motion began"],
         ),
         (
             'do = "host"\nhow = "restart"\nby_s = 1',
-            Reaction(Motion.RAMP, (ErrorCode.HEARTBEAT_LOST,), State.FAULT, 350.25),
+            Reaction(MotionEffect.RAMP, (ErrorCode.HEARTBEAT_LOST,), State.FAULT, 350.25),
             [f"it: {joint}: in OPERATION ENABLED, not in FAULT" for joint in ROBOT.joint_names],
         ),
         (

@@ -9,7 +9,7 @@ from steptwin.features.faults.kinds.bus import FrameLoss
 from steptwin.features.faults.kinds.host import HostFault, HostFaultKind
 from steptwin.features.faults.kinds.machine import EmergencyStop
 from steptwin.features.faults.kinds.wiring import StuckSwitch
-from steptwin.features.faults.reaction import Motion, Reaction
+from steptwin.features.faults.reaction import MotionEffect, Reaction
 from steptwin.features.faults.scenario import (
     Scenario,
     ScenarioFile,
@@ -92,7 +92,7 @@ def test_every_key() -> None:
                 OnFrame(0x80),
                 HostFault(HostFaultKind.RESTART, 2.0),
                 None,
-                Reaction(Motion.CUT, (ErrorCode.ESTOP,), State.FAULT, 2.0, certain=False),
+                Reaction(MotionEffect.CUT, (ErrorCode.ESTOP,), State.FAULT, 2.0, certain=False),
             ),
             TriggeredFault(
                 "4 estop", AtTime(0.5, from_power_up=True), EmergencyStop(pressed=False), AtRandom(1.0, 2.0)

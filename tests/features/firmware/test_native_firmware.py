@@ -40,23 +40,23 @@ def example(build: Build) -> Path:
 
 
 @pytest.fixture(scope="module")
-def motion() -> Plan:
+def planned() -> Plan:
     return plan(ROBOT, make_job(ROBOT, "carry", {}))
 
 
-def carry(example: Path, motion: Plan, *axes_per_board: int) -> BoardUnderTest:
+def carry(example: Path, planned: Plan, *axes_per_board: int) -> BoardUnderTest:
     """Let the example make the job's motion, by a set-point each 5 ms."""
     board = BoardUnderTest(
         ROBOT,
         extras=[FirmwareOptions(firmware=example)],
-        stand_at=motion.start_joints,
+        stand_at=planned.start_joints,
         axes_per_board=axes_per_board or None,
     )
     for node in NODES:
         board.network.send_message(0x280 + node, b"\x01")
     board.wait(0.05)
-    ends_s = np.arange(1, round(motion.trajectory.duration_s * 1000) // SET_POINT_MS + 1) * SET_POINT_MS / 1000
-    steps = np.rint(motion.trajectory.positions(np.append(0.0, ends_s)) * ROBOT.steps_per_unit).astype(np.int64)
+    ends_s = np.arange(1, round(planned.motion.duration_s * 1000) // SET_POINT_MS + 1) * SET_POINT_MS / 1000
+    steps = np.rint(planned.motion.positions(np.append(0.0, ends_s)) * ROBOT.steps_per_unit).astype(np.int64)
     begin_s = board.now_s()
     for number, targets in enumerate(steps[1:] - steps[0]):
         for node, target in zip(NODES, targets.tolist(), strict=True):
@@ -69,21 +69,21 @@ def carry(example: Path, motion: Plan, *axes_per_board: int) -> BoardUnderTest:
 
 
 @pytest.fixture(scope="module")
-def carried(example: Path, motion: Plan) -> BoardUnderTest:
-    return carry(example, motion)
+def carried(example: Path, planned: Plan) -> BoardUnderTest:
+    return carry(example, planned)
 
 
-def test_the_example_makes_every_step_of_a_job(carried: BoardUnderTest, motion: Plan) -> None:
-    makes_every_step(carried, motion)
+def test_the_example_makes_every_step_of_a_job(carried: BoardUnderTest, planned: Plan) -> None:
+    makes_every_step(carried, planned)
 
 
 @pytest.mark.slow
-def test_it_makes_them_on_two_boards(example: Path, motion: Plan) -> None:
-    makes_every_step(carry(example, motion, 2, 2), motion)
+def test_it_makes_them_on_two_boards(example: Path, planned: Plan) -> None:
+    makes_every_step(carry(example, planned, 2, 2), planned)
 
 
-def makes_every_step(board: BoardUnderTest, motion: Plan) -> None:
-    report = board.verify(motion.trajectory, tolerance_steps=2.0)
+def makes_every_step(board: BoardUnderTest, planned: Plan) -> None:
+    report = board.verify(planned.motion, tolerance_steps=2.0)
     assert report.reasons == ()
     assert [axis.steps_end - axis.steps_start for axis in report.axes] == [-1064, 3064, 0, -1000]
     assert board.violations() == []
@@ -92,9 +92,9 @@ def makes_every_step(board: BoardUnderTest, motion: Plan) -> None:
 
 @pytest.mark.slow
 def test_it_is_the_same_each_time_and_is_kept(
-    example: Path, motion: Plan, carried: BoardUnderTest, tmp_path: Path
+    example: Path, planned: Plan, carried: BoardUnderTest, tmp_path: Path
 ) -> None:
-    first, second = carried, carry(example, motion)
+    first, second = carried, carry(example, planned)
     for joint in ROBOT.joint_names:
         one, other = first.pins(joint), second.pins(joint)
         assert np.array_equal(one.clk_rise_counts, other.clk_rise_counts)
@@ -155,7 +155,7 @@ def test_a_broken_firmware_ends_with_a_sentence(way: int, build: Build, monkeypa
     assert "\n" not in str(error.value)
 
 
-def test_a_file_that_is_no_library_and_what_needs_our_firmware(example: Path, motion: Plan, tmp_path: Path) -> None:
+def test_a_file_that_is_no_library_and_what_needs_our_firmware(example: Path, planned: Plan, tmp_path: Path) -> None:
     text = tmp_path / "fw.so"
     text.write_text("no library", encoding="utf-8")
     with refusing(InputError):
@@ -163,7 +163,7 @@ def test_a_file_that_is_no_library_and_what_needs_our_firmware(example: Path, mo
     with refusing(InputError):
         BoardUnderTest(ROBOT, extras=[FirmwareOptions(firmware="none")])
     with refusing(InputError):
-        execute(motion, "carry", extras=[FirmwareOptions(firmware=example)])
+        execute(planned, "carry", extras=[FirmwareOptions(firmware=example)])
     with refusing(InputError):
         BoardUnderTest(
             ROBOT,

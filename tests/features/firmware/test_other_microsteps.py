@@ -33,5 +33,5 @@ def test_a_firmware_that_sets_other_microsteps_is_named(standing: Plan, tmp_path
     subprocess.run(command, check=True, timeout=60, cwd=tmp_path)
     board = BoardUnderTest(TEACHING, extras=[FirmwareOptions(firmware=tmp_path / "fw.so")])
     board.wait(0.01)
-    named = [reason for reason in board.verify(standing.trajectory).reasons if "microsteps" in reason]
+    named = [reason for reason in board.verify(standing.motion).reasons if "microsteps" in reason]
     assert named == ["d3: driver and board make 16 microsteps, the robot's file says 8"]

@@ -77,7 +77,7 @@ def test_a_wave_of_short_lines_is_faster_as_arcs_and_noise_is_not_followed(tmp_p
     wave = [f"G1 X{a:.4f} Y{6 * np.sin(a / 6):.4f}" for a in x]
     as_arcs = compiled(tmp_path, "\n".join(["F9000 G64 P0.05", *wave]))
     as_lines = compiled(tmp_path, "\n".join(["F9000 G64 P0.05 Q0.0000001", *wave]))
-    assert as_arcs.trajectory.duration_s < 0.97 * as_lines.trajectory.duration_s
+    assert as_arcs.motion.duration_s < 0.97 * as_lines.motion.duration_s
     rough = [f"G1 X{a:.4f} Y{b:.4f}" for a, b in zip(x, 0.003 * np.random.default_rng(1).normal(size=300), strict=True)]
-    fine = compiled(tmp_path, "\n".join(["F9000 G64 P0.05 Q0.004", *rough])).trajectory.duration_s
-    assert fine <= 1.05 * compiled(tmp_path, "\n".join(["F9000 G64 P0.05 Q0.0000001", *rough])).trajectory.duration_s
+    fine = compiled(tmp_path, "\n".join(["F9000 G64 P0.05 Q0.004", *rough])).motion.duration_s
+    assert fine <= 1.05 * compiled(tmp_path, "\n".join(["F9000 G64 P0.05 Q0.0000001", *rough])).motion.duration_s

@@ -56,7 +56,7 @@ def refusal(folder: Path, text: str, more: str = "") -> str:
 
 def test_a_square_in_its_frame_at_its_feed(tmp_path: Path) -> None:
     found = compiled(tmp_path, SQUARE)
-    motion = plan(ROBOT, found.trajectory).trajectory
+    motion = plan(ROBOT, found.motion).motion
     t_s = np.arange(0.0, motion.duration_s, 1e-3)
     tool = make_kinematics(ROBOT).forward(motion.positions(t_s))
     cutting = tool[:, 2] < -60.0 + 1e-6
@@ -74,20 +74,20 @@ def test_a_square_in_its_frame_at_its_feed(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_it_runs_and_its_outputs_change_on_the_way(tmp_path: Path) -> None:
-    motion = plan(ROBOT, compiled(tmp_path, SQUARE).trajectory)
-    changes = motion.trajectory.output_changes
-    at = motion.trajectory.positions(np.array([each.from_s for each in changes]))
+    planned = plan(ROBOT, compiled(tmp_path, SQUARE).motion)
+    changes = planned.motion.output_changes
+    at = planned.motion.positions(np.array([each.from_s for each in changes]))
     tool = make_kinematics(ROBOT).forward(at)
     assert [(each.output, each.on) for each in changes] == [("gripper", True), ("gripper", False)]
     assert tool[:, 0] == pytest.approx([130.0, 120.0], abs=0.06)
     assert tool[:, 1] == pytest.approx([10.0, 20.0], abs=0.06)
-    assert execute(motion, "part").report.passed
+    assert execute(planned, "part").report.passed
 
 
 def test_a_highest_feed_and_a_tool(tmp_path: Path) -> None:
     slow = compiled(tmp_path, SQUARE, 'feed_max_mm_s = 5.0\ntool_mm = 3.0\noutputs = { P1 = "gripper" }')
-    motion = slow.trajectory
-    tool = make_kinematics(ROBOT).forward(motion.positions(np.arange(0.0, motion.duration_s, 1e-3)))
+    planned = slow.motion
+    tool = make_kinematics(ROBOT).forward(planned.positions(np.arange(0.0, planned.duration_s, 1e-3)))
     assert tool[:, 2].min() == pytest.approx(-57.0, abs=1e-3)
     cutting = tool[:-1, 2] < -57.0 + 1e-6
     assert (np.linalg.norm(np.diff(tool[:, :3], axis=0), axis=1)[cutting] / 1e-3).max() < 5.03
@@ -131,7 +131,7 @@ def test_a_missing_file_and_an_unknown_frame(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_pages_engraving_runs() -> None:
     path = Path(__file__).resolve().parents[3] / "docs" / "programs" / "engraving" / "compass.toml"
-    motion = plan(ROBOT, compile_program(read_program(str(path)), ROBOT).trajectory)
-    outcome = execute(motion, "compass")
+    planned = plan(ROBOT, compile_program(read_program(str(path)), ROBOT).motion)
+    outcome = execute(planned, "compass")
     assert outcome.report.passed
-    assert [each.on for each in motion.trajectory.output_changes] == [True, False]
+    assert [each.on for each in planned.motion.output_changes] == [True, False]

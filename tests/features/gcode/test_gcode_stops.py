@@ -42,9 +42,9 @@ def compiled(folder: Path, text: str) -> CompiledProgram:
 @pytest.mark.slow
 @pytest.mark.parametrize("moves", [STROKES, WALK], ids=["strokes", "walk"])
 def test_no_distance_makes_a_part_slower_than_exact_stop(moves: str, tmp_path: Path) -> None:
-    exact_s = compiled(tmp_path, f"G61\n{moves}").trajectory.duration_s
+    exact_s = compiled(tmp_path, f"G61\n{moves}").motion.duration_s
     for p_mm in (0.3, 0.02):
-        assert compiled(tmp_path, f"G64 P{p_mm}\n{moves}").trajectory.duration_s <= exact_s + 1e-9
+        assert compiled(tmp_path, f"G64 P{p_mm}\n{moves}").motion.duration_s <= exact_s + 1e-9
 
 
 @pytest.mark.slow

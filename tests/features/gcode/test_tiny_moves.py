@@ -32,7 +32,7 @@ def compiled(text: str, folder: Path = Path()) -> CompiledProgram:
 def test_a_second_move_to_a_place_makes_none(law: str) -> None:
     twice = compiled(2 * GO.format(law))
     assert [row.duration_s for row in twice.steps][1] == 0.0
-    assert twice.trajectory.duration_s == compiled(GO.format(law)).trajectory.duration_s
+    assert twice.motion.duration_s == compiled(GO.format(law)).motion.duration_s
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -66,13 +66,13 @@ def cutting(folder: Path, gcode: str) -> CompiledProgram:
 @pytest.mark.parametrize("again", ["G28\nG28", "G0 X1\nG0 X1", "G1 X1\nX1\nX1.0000000001", "G3 I0.000002"])
 def test_gcode_that_repeats_a_place_is_planned(tmp_path: Path, again: str) -> None:
     once = cutting(tmp_path, f"F600\n{again}\n")
-    assert plan(ROBOT, once.trajectory).trajectory.duration_s > 0.0
+    assert plan(ROBOT, once.motion).motion.duration_s > 0.0
 
 
 def test_tiny_relative_moves_do_not_get_lost(tmp_path: Path) -> None:
     many = cutting(tmp_path, "F6000\nG91 G64 P0.01\n" + 12 * "G1 X0.0000009\n")
     one = cutting(tmp_path, "F6000\nG1 X0.0000108\n")
-    ends = [each.trajectory.positions(each.trajectory.duration_s * _ONE)[0] for each in (many, one)]
+    ends = [each.motion.positions(each.motion.duration_s * _ONE)[0] for each in (many, one)]
     assert ends[0] == pytest.approx(ends[1], abs=1.5e-6)
 
 
@@ -113,7 +113,7 @@ def test_any_gcode_of_small_moves_is_a_motion_or_one_sentence(
 ) -> None:
     complaint = ""
     try:
-        plan(ROBOT, cutting(tmp_path_factory.getbasetemp(), "\n".join(["F600", *lines]) + "\n").trajectory)
+        plan(ROBOT, cutting(tmp_path_factory.getbasetemp(), "\n".join(["F600", *lines]) + "\n").motion)
     except InputError as error:
         complaint = str(error)
     assert len(complaint.splitlines()) <= 1
@@ -139,7 +139,7 @@ ENDS = st.sampled_from(["", "", 'law = "fastest"', "blend_mm = 0.0", "blend_mm =
 def test_any_program_of_small_moves_is_a_motion_or_one_sentence(steps: list[tuple[str, str]]) -> None:
     complaint = ""
     try:
-        plan(ROBOT, compiled(START + "".join(f"[[step]]\n{step}\n{end}\n" for step, end in steps)).trajectory)
+        plan(ROBOT, compiled(START + "".join(f"[[step]]\n{step}\n{end}\n" for step, end in steps)).motion)
     except InputError as error:
         complaint = str(error)
     assert len(complaint.splitlines()) <= 1

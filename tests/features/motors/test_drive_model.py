@@ -1,23 +1,22 @@
 """How much faster a motion may run by its robot's motors: rotors keep step at the speed that is stated."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from steptwin.features.motors import drive_model
 from steptwin.features.motors.turning.after_run import first_slip
 from steptwin.features.motors.turning.driving import Driving
 from steptwin.host.client.pausing import change_speed
-from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.inputs_outputs import streamed_motion
 from steptwin.host.operate.session import Session
 from steptwin.host.planning.laws import Cubic
-from steptwin.host.planning.motions.joint_move import JointMove
+from steptwin.host.planning.motion import Wait
+from steptwin.host.planning.motions.composer import sequence, standstill
+from steptwin.host.planning.motions.joint_move import joint_move
 from steptwin.host.planning.plan import Plan, highest_speed
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.trajectory import OutputChange, Wait
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.board_settings import Input
 from steptwin.host.robots.robot import Robot
@@ -32,7 +31,7 @@ GOAL = (LAB.home[0], 20.0, 0.0, 0.0)
 
 def turn(duration_s: float, robot: Robot = LAB) -> Plan:
     """Return a turn of the arm, stretched out, by 20 degrees at the shoulder."""
-    return plan(robot, JointMove(LAB.joint_names, START, GOAL, Cubic(1.0, duration_s)))
+    return plan(robot, joint_move(LAB.joint_names, START, GOAL, Cubic(1.0, duration_s)))
 
 
 @pytest.fixture(scope="module")
@@ -93,41 +92,10 @@ def test_what_takes_too_long_to_turn_is_made_no_faster(turned: Plan, monkeypatch
     )
 
 
-@dataclass(frozen=True)
-class Waits:
-    """A motion that waits for an input before its end, where it stands."""
-
-    move: JointMove
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        return self.move.joint_names
-
-    @property
-    def duration_s(self) -> float:
-        return self.move.duration_s + 0.02
-
-    @property
-    def breakpoints_s(self) -> tuple[float, ...]:
-        return (self.move.duration_s,)
-
-    @property
-    def output_changes(self) -> tuple[OutputChange, ...]:
-        return ()
-
-    @property
-    def waits(self) -> tuple[Wait, ...]:
-        return (Wait("part_ready", True, self.move.duration_s, 1.0),)
-
-    def positions(self, t_s: FloatArray) -> FloatArray:
-        return self.move.positions(np.minimum(t_s, self.move.duration_s))
-
-    def velocities(self, t_s: FloatArray) -> FloatArray:
-        return np.where(t_s[:, np.newaxis] < self.move.duration_s, self.move.velocities(t_s), 0.0)
-
-
 @pytest.mark.slow
 def test_a_wait_on_the_way_does_not_keep_the_rotors_from_turning(turned: Plan) -> None:
-    """Nothing gives the input beforehand."""
-    waiting = plan(LAB, Waits(JointMove(LAB.joint_names, START, GOAL, Cubic(1.0, 1.3))))
+    """The motion waits for an input before its end, where it stands. Nothing gives the input beforehand."""
+    move = joint_move(LAB.joint_names, START, GOAL, Cubic(1.0, 1.3))
+    whole = sequence(LAB.joint_names, [move, standstill(LAB.joint_names, GOAL, 0.02)])
+    waiting = plan(LAB, replace(whole, waits=(Wait("part_ready", True, move.duration_s, 1.0),)))
     assert abs(highest_speed(waiting).percent - highest_speed(turned).percent) <= 1

@@ -9,7 +9,7 @@ import pytest
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.jobs.hybrid_jobs import OPERATING_MODE, HelixOptions, five_poses, helix_poses
-from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.planning.motion import Motion
 from steptwin.host.robots.kinematics import HybridArm
 from steptwin.host.robots.workspace import monte_carlo
 from tests.features.papers.numbers import Arm, Number, check_number, numbers_of_page
@@ -44,7 +44,7 @@ def every() -> tuple[FloatArray, FloatArray]:
 
 
 @cache
-def helix() -> Trajectory:
+def helix() -> Motion:
     return make_job(ARM.robot, "helix", {})
 
 

@@ -26,7 +26,7 @@ RATIO = -sin(TH1) / sin(TH1 + TH2)
 
 
 def motion(law: Law) -> JointMove:
-    return JointMove(ARM.robot.joint_names, QA_DEG, QB_DEG, law)
+    return JointMove(QA_DEG, QB_DEG, law)
 
 
 CUBIC, QUINTIC = motion(Cubic(1.0, 1.0)), motion(Quintic(1.0, 1.0))

@@ -53,9 +53,9 @@ def tolerance(name: str = "th1", **values: float) -> dict[str, Any]:
 
 
 def test_the_plan_is_the_goals_in_mm_and_degrees() -> None:
-    trajectory = follow_goal(ROBOT, FORTH, HOME).plan.trajectory
-    assert trajectory.duration_s == 2.0
-    assert trajectory.positions(np.array([0.0, 1.0, 2.0])) == pytest.approx(
+    motion = follow_goal(ROBOT, FORTH, HOME).plan.motion
+    assert motion.duration_s == 2.0
+    assert motion.positions(np.array([0.0, 1.0, 2.0])) == pytest.approx(
         np.array([HOME, moved(th1=10.0), moved(th1=20.0)]), abs=1e-9
     )
 
@@ -75,14 +75,14 @@ def test_velocities_are_those_of_the_points() -> None:
     moving = [0.0] * len(HOME)
     moving[TH1] = 12.0
     args = arguments(point(0.0, HOME, still), point(1.0, moved(th1=8.0), moving), point(2.0, moved(th1=16.0), still))
-    trajectory = follow_goal(ROBOT, args, HOME).plan.trajectory
-    assert trajectory.velocities(np.array([1.0]))[0, TH1] == pytest.approx(12.0, abs=1e-9)
+    motion = follow_goal(ROBOT, args, HOME).plan.motion
+    assert motion.velocities(np.array([1.0]))[0, TH1] == pytest.approx(12.0, abs=1e-9)
 
 
 def test_without_a_point_at_0_it_begins_where_the_machine_stands() -> None:
     for velocities in (None, [0.0] * len(HOME)):
         plan = follow_goal(ROBOT, arguments(point(1.5, moved(th1=5.0), velocities)), HOME).plan
-        assert plan.trajectory.duration_s == 1.5
+        assert plan.motion.duration_s == 1.5
         assert plan.start_joints == pytest.approx(HOME)
 
 

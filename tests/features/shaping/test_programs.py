@@ -39,8 +39,8 @@ def test_steps_begin_and_end_where_the_shaped_motion_has_them() -> None:
     program = parse_program(PROGRAM, Findings())
     plain, shaped = compile_program(program, PLAIN), compile_program(program, ROBOT)
     assert plain.changed is None
-    assert plain.executed is plain.trajectory
-    assert plan(ROBOT, shaped.trajectory).trajectory.duration_s == shaped.executed.duration_s
+    assert plain.executed is plain.motion
+    assert plan(ROBOT, shaped.motion).motion.duration_s == shaped.executed.duration_s
     ends = [(row.from_s, row.from_s + row.duration_s) for row in shaped.steps]
     assert [end for _, end in ends] == pytest.approx([*(begin for begin, _ in ends[1:]), shaped.executed.duration_s])
     longer_ms = [round(1000 * (b.duration_s - a.duration_s)) for a, b in zip(plain.steps, shaped.steps, strict=True)]
@@ -56,7 +56,7 @@ def test_a_step_that_is_too_fast_is_named() -> None:
     slow, fast = PROGRAM.replace("speed_mm_s = 80.0", "speed_mm_s = 30.0"), "line = { y = 90.0 }\nspeed_mm_s = "
     compiled = compile_program(parse_program(slow.replace(f"{fast}30.0", f"{fast}180.0"), Findings()), ROBOT)
     with pytest.raises(InputError) as refused, compiled.explained(0.3):
-        plan_stretched(ROBOT, compiled.trajectory, 0.3)
+        plan_stretched(ROBOT, compiled.motion, 0.3)
     assert str(refused.value).startswith("step 3 (line to y 90): Y: ")
 
 

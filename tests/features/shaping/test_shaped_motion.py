@@ -10,11 +10,11 @@ from steptwin.features.shaping.shaped_motion import oscillations_of
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import changed_motion
+from steptwin.host.planning.motion import JointFunctions, Motion, OutputChange
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.motions.joint_move import fastest_law
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import executed_duration_s, plan, plan_executed, plan_stretched
-from steptwin.host.planning.trajectory import OutputChange, Trajectory, waits_of
 from steptwin.host.robots import load_robot, parse_robot
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.execution import execute
@@ -30,7 +30,7 @@ def gantry(*joints: str, kind: str = "mzv", hz: float = HZ, more: str = "damping
     return parse_robot("\n".join([PLAIN.toml, *tables]), "own.toml")
 
 
-def moved(*goals: tuple[float, float, float]) -> Trajectory:
+def moved(*goals: tuple[float, float, float]) -> Motion:
     """Return moves of all joints from START to one place after another, whose accelerations jump."""
     composer = Composer(PLAIN, START)
     for goal in goals:
@@ -57,7 +57,7 @@ def residual_mm(planned: Plan, hz: float = HZ, joint: int = 0) -> float:
 def test_a_robot_without_shaping_executes_the_very_motion() -> None:
     motion = moved((150.0, 120.0, 50.0))
     planned = plan(PLAIN, motion)
-    assert planned.trajectory is motion
+    assert planned.motion is motion
     assert planned.changed is None
     assert changed_motion(PLAIN, motion) is None
 
@@ -66,7 +66,7 @@ def test_a_robot_without_shaping_executes_the_very_motion() -> None:
 def test_the_oscillation_is_gone_at_the_end(kind: str, longer_ms: int, residual_um: float) -> None:
     motion = moved((141.0, 100.0, 50.0))
     unshaped, shaped = plan(PLAIN, motion), plan(gantry("X", kind=kind), motion)
-    assert round(1000 * (shaped.trajectory.duration_s - motion.duration_s)) == longer_ms
+    assert round(1000 * (shaped.motion.duration_s - motion.duration_s)) == longer_ms
     assert 1000 * residual_mm(unshaped) == pytest.approx(132.2, abs=0.2)
     assert 1000 * residual_mm(shaped) == pytest.approx(residual_um, abs=0.15)
 
@@ -173,33 +173,28 @@ def test_it_is_shaped_after_it_was_stretched() -> None:
     robot = gantry("X")
     for stretch in (1.0, 1.4, 3.0):
         planned = plan_stretched(robot, motion, stretch)
-        assert planned.trajectory.duration_s == pytest.approx(motion.duration_s * stretch + 0.019, abs=0.0011)
+        assert planned.motion.duration_s == pytest.approx(motion.duration_s * stretch + 0.019, abs=0.0011)
         assert 1000 * residual_mm(planned) < 0.3
 
 
 def test_a_stored_motion_is_not_shaped_again() -> None:
     planned = plan(gantry("X"), moved((141.0, 100.0, 50.0)))
-    again = plan_executed(planned.robot, planned.trajectory)
+    again = plan_executed(planned.robot, planned.motion)
     assert again.points_units.tolist() == planned.points_units.tolist()
 
 
 def test_a_motion_that_does_not_start_at_rest_is_refused_as_it_is() -> None:
-    class Sliding:
-        joint_names = PLAIN.joint_names
-        duration_s = 0.1
-        breakpoints_s: tuple[float, ...] = ()
-        output_changes: tuple[OutputChange, ...] = ()
+    def positions(t_s: FloatArray) -> FloatArray:
+        return START + 10.0 * t_s[:, np.newaxis]
 
-        def positions(self, t_s: FloatArray) -> FloatArray:
-            return START + 10.0 * t_s[:, np.newaxis]
+    def velocities(t_s: FloatArray) -> FloatArray:
+        return np.full((len(t_s), 3), 10.0)
 
-        def velocities(self, t_s: FloatArray) -> FloatArray:
-            return np.full((len(t_s), 3), 10.0)
-
+    sliding = Motion(PLAIN.joint_names, 0.1, JointFunctions(positions, velocities))
     messages = []
     for robot in (PLAIN, gantry("X")):
         with pytest.raises(InputError) as refused:
-            plan(robot, Sliding())
+            plan(robot, sliding)
         messages.append(str(refused.value))
     assert messages[0] == messages[1] == ("X: the motion starts at t = 0.000 s with 10 mm/s instead of 0 mm/s, at rest")
 
@@ -233,7 +228,7 @@ def test_waits_are_kept() -> None:
     composer.go(START + 5.0)
     composer.wait("ready", on=True, timeout_s=2.0)
     motion = composer.sequence()
-    (before,), (after,) = waits_of(motion), waits_of(plan(robot, motion).trajectory)
+    (before,), (after,) = motion.waits, plan(robot, motion).motion.waits
     assert (after.input, after.timeout_s) == (before.input, before.timeout_s)
     assert after.at_s == pytest.approx(before.at_s + 0.025)
 
@@ -242,4 +237,4 @@ def test_the_run_of_a_shaped_motion_is_verified_against_it() -> None:
     shaped = plan(gantry("X", "Y", hz=60.0), moved((110.0, 104.0, 50.0)))
     outcome = execute(shaped, "shaped")
     assert outcome.passed
-    assert outcome.report.run.duration_s == shaped.trajectory.duration_s
+    assert outcome.report.run.duration_s == shaped.motion.duration_s

@@ -9,8 +9,8 @@ from steptwin.features.shelf.jobs import missed_places
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.motion import Motion, OutputChange
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.trajectory import OutputChange, Trajectory, waits_of
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from tests.features.shelf.shelves import ROBOT, SHELF, with_shelf
@@ -20,16 +20,16 @@ SCARA = make_kinematics(ROBOT)
 SX, SZ, L1 = range(3)
 
 
-def job(name: str, **options: str) -> Trajectory:
+def job(name: str, **options: str) -> Motion:
     return make_job(ROBOT, name, options)
 
 
-def pose_at(trajectory: Trajectory, switching: OutputChange) -> FloatArray:
+def pose_at(motion: Motion, switching: OutputChange) -> FloatArray:
     """Return the tool's pose in the middle of a switching, after checking that it is the same at both ends."""
     t_s = np.linspace(switching.from_s, switching.until_s, 11)
-    poses = SCARA.forward(trajectory.positions(t_s))
+    poses = SCARA.forward(motion.positions(t_s))
     assert poses == pytest.approx(np.tile(poses[0], (11, 1)), abs=1e-9)
-    assert np.abs(trajectory.velocities(t_s)).max() < 1e-9
+    assert np.abs(motion.velocities(t_s)).max() < 1e-9
     return np.asarray(poses[5])
 
 
@@ -43,10 +43,10 @@ def pose_at(trajectory: Trajectory, switching: OutputChange) -> FloatArray:
 @pytest.mark.parametrize("elbow", ["right", "left"])
 @pytest.mark.parametrize("slot", ["A1", "A2", "B1", "B2"])
 def test_outputs_switch_where_they_should(name: str, switched: list[tuple[str, bool]], elbow: str, slot: str) -> None:
-    trajectory = job(name, slot=slot, elbow=elbow)
-    assert [(s.output, s.on) for s in trajectory.output_changes] == switched
-    plan(ROBOT, trajectory)  # within every limit
-    at = {(s.output, s.on): pose_at(trajectory, s) for s in trajectory.output_changes}
+    motion = job(name, slot=slot, elbow=elbow)
+    assert [(s.output, s.on) for s in motion.output_changes] == switched
+    plan(ROBOT, motion)  # within every limit
+    at = {(s.output, s.on): pose_at(motion, s) for s in motion.output_changes}
     slides = ROBOT.places[slot]
     drawer = np.array([slides["sx"] + 275.0, 169.903810568, slides["sz"] + 60.0, 90.0])
     assert at["lock", True] == pytest.approx(drawer, abs=1e-6)
@@ -73,17 +73,17 @@ def test_slides_and_arm_never_move_together_at_the_shelf() -> None:
     apart = {"pick_up": "pick-up", "output": "output"}
     lifted = dataclasses.replace(ROBOT, places={**ROBOT.places, "A2": {**ROBOT.places["A2"], "L1": 60.0}})
     for name, options in (("store", {}), ("fetch", {}), ("fetch", {"slot": "A2"}), ("every-slot", apart)):
-        trajectory = make_job(lifted, name, options)
-        moving = np.abs(trajectory.velocities(np.arange(0.0, trajectory.duration_s, 0.005))) > 1e-9
+        motion = make_job(lifted, name, options)
+        moving = np.abs(motion.velocities(np.arange(0.0, motion.duration_s, 0.005))) > 1e-9
         slides, arm = moving[:, [SX, SZ]].any(axis=1), moving[:, 3:].any(axis=1)
         assert slides.any()
         assert not (slides & arm).any()
 
 
 def test_the_locked_hand_moves_straight_out() -> None:
-    trajectory = job("store")
-    (lock, let_go) = [s for s in trajectory.output_changes if s.output == "lock"]
-    poses = SCARA.forward(trajectory.positions(np.arange(lock.until_s, let_go.from_s, 0.01)))
+    motion = job("store")
+    (lock, let_go) = [s for s in motion.output_changes if s.output == "lock"]
+    poses = SCARA.forward(motion.positions(np.arange(lock.until_s, let_go.from_s, 0.01)))
     assert np.ptp(poses[:, [0, 2, 3]], axis=0) == pytest.approx(np.zeros(3), abs=1e-9)
     assert np.ptp(poses[:, 1]) == pytest.approx(180.0, abs=1e-9)
 
@@ -117,20 +117,20 @@ def test_the_hand_over_is_not_a_slot() -> None:
 
 @pytest.mark.slow
 def test_every_slot_is_filled_and_emptied_in_turn() -> None:
-    trajectory = job("every-slot", pick_up="pick-up", output="output")
-    switched = [(s.output, s.on) for s in trajectory.output_changes]
+    motion = job("every-slot", pick_up="pick-up", output="output")
+    switched = [(s.output, s.on) for s in motion.output_changes]
     stored = [("magnet", True), ("lock", True), ("magnet", False), ("lock", False)]
     fetched = [("lock", True), ("magnet", True), ("lock", False), ("magnet", False)]
     assert switched == (stored + fetched) * len(SHELF.slots)
-    at = [pose_at(trajectory, s)[0] for s in trajectory.output_changes if s.output == "lock"][::4]
+    at = [pose_at(motion, s)[0] for s in motion.output_changes if s.output == "lock"][::4]
     assert at == pytest.approx([ROBOT.places[slot]["sx"] + 275.0 for slot in ("A1", "A2", "B1", "B2")])
     for first, place in ((0, "pick-up"), (7, "output")):
-        poses = [pose_at(trajectory, s)[0] for s in trajectory.output_changes[first::8]]
+        poses = [pose_at(motion, s)[0] for s in motion.output_changes[first::8]]
         assert poses == pytest.approx([ROBOT.places[place]["sx"] + 290.0] * 4)
 
 
 def test_a_job_that_waits_for_the_sensors() -> None:
-    waits = waits_of(job("fetch", sensors="wait"))
+    waits = job("fetch", sensors="wait").waits
     assert [(wait.input, wait.on, wait.place) for wait in waits] == [
         ("lock_engaged", True, "A1"),
         ("drawer_end", True, "A1"),
@@ -138,7 +138,7 @@ def test_a_job_that_waits_for_the_sensors() -> None:
         ("lock_engaged", False, "A1"),
         ("box_present", False, "hand-over"),
     ]
-    shorter = waits_of(job("fetch", sensors="wait", travel_mm="179.9"))
+    shorter = job("fetch", sensors="wait", travel_mm="179.9").waits
     assert "drawer_end" not in [wait.input for wait in shorter]
     blind = with_shelf(ROBOT, dataclasses.replace(SHELF, box_present=""))
     with refusing(InputError):

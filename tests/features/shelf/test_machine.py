@@ -255,7 +255,7 @@ class TestDrawerPull:
             ('leaves_open = ["A1", "B1"]', ["shelf: B1: the drawer is shut at the end (planned open)"]),
         ):
             program = parse_program(text.format(leaves_open=line), Findings())
-            outcome = execute(plan_stretched(ROBOT, compile_program(program, ROBOT).trajectory), "x", fast_kernel)
+            outcome = execute(plan_stretched(ROBOT, compile_program(program, ROBOT).motion), "x", fast_kernel)
             assert list(outcome.report.reasons) == failed
         for line, told in (
             ('leaves_open = ["A3"]', "leaves_open: slot 'A3' is unknown: there are A1, A2, B1, B2"),
@@ -335,6 +335,6 @@ class TestPart:
         on = false
         """
         program = parse_program(text, Findings())
-        outcome = execute(plan_stretched(robot, compile_program(program, robot).trajectory), "x", fast_kernel)
+        outcome = execute(plan_stretched(robot, compile_program(program, robot).motion), "x", fast_kernel)
         (told,) = outcome.report.reasons or ("",)
         assert what in told

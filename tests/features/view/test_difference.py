@@ -7,7 +7,7 @@ import pytest
 
 from steptwin.features.view.model import Replay, RunPair
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.motions.stretched import Stretched
+from steptwin.host.planning.motions.stretched import stretched
 from steptwin.host.verify import Expectation, compare
 from tests.host.record.machines import perfect_run
 from tests.host.verify.motions import perfect_evidence
@@ -51,7 +51,8 @@ def test_a_run_is_like_itself() -> None:
 
 
 def test_the_shorter_motion_stands_still_after_its_end() -> None:
-    expected = Expectation.of(RUN.robot, Stretched(RUN.comparison.expected.trajectory, 2.0))
+    motion = RUN.comparison.expected.motion
+    expected = Expectation.of(RUN.robot, stretched(motion, 2.0 / motion.duration_s))
     slow = replace(RUN, comparison=compare(expected, perfect_evidence(expected)))
     difference = RunPair(Replay(RUN, ()), Replay(slow, ()))
     assert difference.course.t_s[-1] == 2.0

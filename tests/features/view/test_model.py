@@ -82,7 +82,7 @@ def test_joints_and_counts(replay: Replay, arrays: dict[str, Any], instants: Int
         shown = replay.at(counts)
         t_s = replay.time_s(counts)
         assert t_s == (counts - arrays["start_counts"]) / COUNTS_PER_SECOND
-        planned = replay.run.comparison.expected.trajectory.positions(np.clip([t_s], 0.0, 1.0))[0]
+        planned = replay.run.comparison.expected.motion.positions(np.clip([t_s], 0.0, 1.0))[0]
         for row, joint, at in zip(shown.joints, robot.joints, planned, strict=True):
             before = np.searchsorted(arrays[f"{row.name}_step_counts"], counts, side="right")
             steps = arrays[f"{row.name}_start_steps"] + arrays[f"{row.name}_step_signs"][:before].sum()

@@ -32,7 +32,7 @@ KEYS = {
 def test_help_lists_the_keys(command: str, without: set[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert run([command, "--help"]) == 0
     told = re.sub(r"[│\s]+", " ", capsys.readouterr().out)
-    listed = told.partition("(docs/machine-options.md): ")[2].partition(". ")[0]
+    listed = told.partition("(docs/robot-files.md): ")[2].partition(". ")[0]
     assert {each.partition("=")[0] for each in re.split(r", (?=[a-z])", listed)} == KEYS - without
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.client import Machine, StreamedMotion
-from steptwin.host.planning.trajectory import OutputChange
+from steptwin.host.planning.motion import OutputChange
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.host.verify import OutputEdge

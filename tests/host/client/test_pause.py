@@ -7,7 +7,7 @@ import pytest
 from steptwin.host.client import Machine, StreamedMotion
 from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
-from steptwin.host.planning.trajectory import OutputChange
+from steptwin.host.planning.motion import OutputChange
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, DigitalOutput

@@ -11,6 +11,7 @@ from steptwin.host.client import Machine, StreamedMotion
 from steptwin.host.common.arrays import AxisRecords, FloatArray
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
 from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.motion import JointFunctions, Motion
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
@@ -85,23 +86,18 @@ def test_the_machine_stands_where_the_firmware_puts_it(fast_kernel: Kernel, off_
     assert machine.positions_units()[0] == board.driver_positions()[0] * units_per_step
 
 
-class AtFullSpeed:
-    """A trajectory of sx at its driver's highest step rate, between two ramps of constant acceleration."""
+def at_full_speed(step_rate_hz: float) -> Motion:
+    """Return a motion of sx at its driver's highest step rate, between two ramps of constant acceleration."""
+    speed = step_rate_hz / ROBOT.joints[0].transmission.steps_per_unit
 
-    joint_names = ROBOT.joint_names
-    duration_s = 1.0
-    breakpoints_s = (0.2, 0.8)
-    output_changes = ()
-
-    def __init__(self, step_rate_hz: float) -> None:
-        self._speed = step_rate_hz / ROBOT.joints[0].transmission.steps_per_unit
-
-    def positions(self, t_s: FloatArray) -> FloatArray:
+    def positions(t_s: FloatArray) -> FloatArray:
         ramps = (np.minimum(t_s, 0.2) ** 2 - np.maximum(t_s - 0.8, 0) ** 2) / 0.4
-        return np.outer(self._speed * (ramps + np.maximum(t_s - 0.2, 0)), np.eye(AXES)[0]) + START
+        return np.outer(speed * (ramps + np.maximum(t_s - 0.2, 0)), np.eye(AXES)[0]) + START
 
-    def velocities(self, t_s: FloatArray) -> FloatArray:
-        return np.outer(self._speed * np.clip(np.minimum(t_s, 1 - t_s) / 0.2, 0, 1), np.eye(AXES)[0])
+    def velocities(t_s: FloatArray) -> FloatArray:
+        return np.outer(speed * np.clip(np.minimum(t_s, 1 - t_s) / 0.2, 0, 1), np.eye(AXES)[0])
+
+    return Motion(ROBOT.joint_names, 1.0, JointFunctions(positions, velocities), (0.2, 0.8))
 
 
 def without_reserve() -> Robot:
@@ -117,8 +113,8 @@ def test_the_planner_refuses_what_the_firmware_would(fast_kernel: Kernel) -> Non
     assert robot.board.driver_rate_max_hz == 72e6 / 4801
     assert ROBOT.board.driver_rate_max_hz == 15_000
     with refusing(InputError):
-        plan(robot, AtFullSpeed(14_998.0))
-    outcome = execute(plan(robot, AtFullSpeed(14_996.0)), "full speed", fast_kernel)
+        plan(robot, at_full_speed(14_998.0))
+    outcome = execute(plan(robot, at_full_speed(14_996.0)), "full speed", fast_kernel)
     assert outcome.fault is None
 
 

@@ -9,7 +9,7 @@ from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
 from steptwin.host.client.waits import HOLD_MS, LEAD_MS, divide
 from steptwin.host.common.arrays import AxisRecords
 from steptwin.host.common.errors import DeviceFaultError, WaitTimeoutError
-from steptwin.host.planning.trajectory import OutputChange, Wait
+from steptwin.host.planning.motion import OutputChange, Wait
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, DigitalOutput

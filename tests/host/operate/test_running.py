@@ -156,7 +156,7 @@ def test_repetitions(session: Session, there_and_back: Plan) -> None:
         approach=True,
         begun=lambda: begun_s.append(session.link.now_s()),
     )
-    assert np.diff(begun_s) == pytest.approx([there_and_back.trajectory.duration_s] * 2, abs=0.3)
+    assert np.diff(begun_s) == pytest.approx([there_and_back.motion.duration_s] * 2, abs=0.3)
     assert (outcome.repetitions, outcome.passed) == (3, True)
     assert outcome.to_dict()["repetitions"] == 3
 

@@ -14,7 +14,7 @@ from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import read_status
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.laws import Cubic
-from steptwin.host.planning.motions.joint_move import JointMove
+from steptwin.host.planning.motions.joint_move import joint_move
 from steptwin.host.planning.plan import Plan, highest_speed
 from steptwin.host.planning.planner import plan
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
@@ -109,7 +109,7 @@ def test_the_next_run_begins_as_planned(session: Session, pull: Plan) -> None:
 @pytest.mark.slow
 def test_more_than_the_motion_allows_is_refused_with_what_passes(session: Session, steptwin: CommandLine) -> None:
     goal = (*ROBOT.home[:3], ROBOT.home[3] + 30.0, *ROBOT.home[4:])
-    fast = plan(ROBOT, JointMove(ROBOT.joint_names, ROBOT.home, goal, Cubic(1.0, 0.7)))
+    fast = plan(ROBOT, joint_move(ROBOT.joint_names, ROBOT.home, goal, Cubic(1.0, 0.7)))
     highest = highest_speed(fast).percent
     assert 100 <= highest < 150
     told: list[object] = []

@@ -7,7 +7,8 @@ import pytest
 
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.checks import OutsideError, check_positions
-from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.motion import Motion
+from steptwin.host.planning.motions.sampled import hermite_spline
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs import compile_program, parse_program
 from steptwin.host.robots import load_robot
@@ -36,10 +37,10 @@ def program_at_limit(robot: Robot, seed: int) -> str:
 def test_roundings_that_touch_a_limit_are_planned_and_keep_it_to_a_fiftieth_of_a_step(seed: int) -> None:
     robot = TEACHING if seed % 2 else load_robot("hybrid-arm")
     found = Findings()
-    trajectory = compile_program(parse_program(program_at_limit(robot, seed), found), robot).trajectory
+    motion = compile_program(parse_program(program_at_limit(robot, seed), found), robot).motion
     assert not found.messages
-    plan(robot, trajectory)
-    joints = trajectory.positions(np.arange(0.0, trajectory.duration_s, 5e-4))
+    plan(robot, motion)
+    joints = motion.positions(np.arange(0.0, motion.duration_s, 5e-4))
     lower, upper = np.array([(joint.lower, joint.upper) for joint in robot.joints]).T
     beyond = np.maximum(joints - upper, lower - joints).max(axis=0)
     assert (beyond * np.abs(robot.steps_per_unit)).max() < 0.02  # neither robot's joints are coupled
@@ -54,12 +55,12 @@ def test_between_knots_it_may_be_a_fiftieth_of_a_step_beyond_a_limit_and_at_them
     own, home = robot.joints[joint], np.array(robot.home, float)
     a_step = 1.0 / robot.steps_per_unit[joint]  # both belts of the gantry turn as far as its x
 
-    def motion(steps: float, *, at_knot: bool) -> Sampled:
+    def motion(steps: float, *, at_knot: bool) -> Motion:
         rows, velocities, times_s = np.stack([home, home, home]), np.zeros((3, len(home))), np.array([0.0, 0.1, 0.2])
         rows[:, joint] = own.upper if sign > 0 else own.lower
         rows[1, joint] += sign * steps * a_step
         rows[:, 1], velocities[:, 1] = home[1] + times_s, 1.0  # where all joints rest there is a knot, too
-        whole = Sampled.hermite(robot.joint_names, times_s, rows, velocities)
+        whole = hermite_spline(robot.joint_names, times_s, rows, velocities)
         return whole if at_knot else replace(whole, breakpoints_s=())
 
     check_positions(robot, motion(0.019, at_knot=False))

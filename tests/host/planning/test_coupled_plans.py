@@ -5,7 +5,8 @@ import pytest
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Trapezoid
-from steptwin.host.planning.motions.joint_move import JointMove, limits_along
+from steptwin.host.planning.motion import Motion
+from steptwin.host.planning.motions.joint_move import joint_move, limits_along
 from steptwin.host.planning.peaks import Quantity
 from steptwin.host.planning.planner import plan, plan_stretched
 from steptwin.host.robots.robot import Robot
@@ -13,8 +14,8 @@ from tests.host.robots.coupled import DIRECT, TWO_TO_ONE, UNITS_PER_DEG, coupled
 from tests.messages import refusing
 
 
-def arm_move(robot: Robot, th1: float, th2: float, law: Trapezoid) -> JointMove:
-    return JointMove(robot.joint_names, robot.home, (th1, th2, 0.0, 0.0), law)
+def arm_move(robot: Robot, th1: float, th2: float, law: Trapezoid) -> Motion:
+    return joint_move(robot.joint_names, robot.home, (th1, th2, 0.0, 0.0), law)
 
 
 @pytest.mark.parametrize(("coupling", "elbow_axis_deg"), [(DIRECT, 50.0), (TWO_TO_ONE, 80.0)])
@@ -42,7 +43,7 @@ def test_the_motor_turns_faster_than_either_joint() -> None:
     with pytest.raises(InputError, match=complaint):
         plan(robot, arm_move(robot, *both, law))
     stretched = plan_stretched(robot, arm_move(robot, *both, law), 1.333)
-    assert stretched.trajectory.duration_s == pytest.approx(0.867, abs=1e-3)
+    assert stretched.motion.duration_s == pytest.approx(0.867, abs=1e-3)
     weak = coupled_robot(axis_speed_max="240.1", axis_acceleration_max="1599.0")
     with refusing(InputError):
         plan(weak, arm_move(weak, *both, law))

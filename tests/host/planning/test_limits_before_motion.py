@@ -9,7 +9,8 @@ import pytest
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.laws import Trapezoid
-from steptwin.host.planning.motions.joint_move import JointMove
+from steptwin.host.planning.motion import Motion
+from steptwin.host.planning.motions.joint_move import joint_move
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import brought_text, load_robot, parse_robot
@@ -35,7 +36,7 @@ class TestScrewOf10Mm:
     def lifted(self, robot: Robot, speed_mm_s: float) -> Plan:
         """Return d1 moved up by 200 mm at a speed and 400 mm/s^2."""
         law = Trapezoid.fastest(1.0, speed_mm_s / 200.0, 400.0 / 200.0)
-        return plan(robot, JointMove(robot.joint_names, (0.0, 0.0, 30.0, 0.0), (200.0, 0.0, 30.0, 0.0), law))
+        return plan(robot, joint_move(robot.joint_names, (0.0, 0.0, 30.0, 0.0), (200.0, 0.0, 30.0, 0.0), law))
 
     def test_its_file_may_not_set_140_mm_per_s(self) -> None:
         told = complaint_of(lambda: parse_robot(self.TEXT.replace(*self.LEADS), "mine.toml"))
@@ -91,8 +92,8 @@ def test_a_spiral_beyond_the_arm(x_mm: float, y_mm: float, pattern: str) -> None
 
 def test_a_spiral_as_near_as_it_may_be() -> None:
     """Around (0, 425) it comes within 338.49 mm of the base, in agreement with r = 800 mm cos(th3 / 2)."""
-    trajectory = plan(LAB, make_job(LAB, "spiral", {"x_mm": "0", "y_mm": "425"})).trajectory
-    th3 = trajectory.positions(np.arange(18_801) / 1000)[:, 2]
+    motion = plan(LAB, make_job(LAB, "spiral", {"x_mm": "0", "y_mm": "425"})).motion
+    th3 = motion.positions(np.arange(18_801) / 1000)[:, 2]
     u = np.linspace(0.0, 18.8, 18_801)
     nearest_mm = np.hypot(5.0 * u * np.cos(u), 425.0 + 5.0 * u * np.sin(u)).min()
     assert nearest_mm == pytest.approx(338.49, abs=0.01)
@@ -100,8 +101,8 @@ def test_a_spiral_as_near_as_it_may_be() -> None:
 
 
 def test_th3_beyond_130_deg() -> None:
-    def move(goal_deg: float) -> JointMove:
-        return JointMove(LAB.joint_names, LAB.home, (150.0, 0.0, goal_deg, 0.0), Trapezoid(1.0, 2.0, 0.5))
+    def move(goal_deg: float) -> Motion:
+        return joint_move(LAB.joint_names, LAB.home, (150.0, 0.0, goal_deg, 0.0), Trapezoid(1.0, 2.0, 0.5))
 
     plan(LAB, move(130.0))
     with refusing(InputError):

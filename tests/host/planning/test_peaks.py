@@ -5,7 +5,7 @@ from math import isclose
 import numpy as np
 
 from steptwin.host.planning.laws import Trapezoid
-from steptwin.host.planning.motions.joint_move import JointMove
+from steptwin.host.planning.motions.joint_move import joint_move
 from steptwin.host.planning.peaks import Peak, Quantity
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
@@ -21,7 +21,7 @@ def test_a_trapezoid_peaks_at_its_own_speed_acceleration_and_step_rate() -> None
     goal = np.array(ROBOT.home)
     goal[3] += 18.0
     law = Trapezoid(1.0, 1.1, 0.2)  # 18 deg: 20 deg/s reached in 0.2 s, so 100 deg/s^2
-    peaks = plan(ROBOT, JointMove(ROBOT.joint_names, ROBOT.home, tuple(goal.tolist()), law)).peaks
+    peaks = plan(ROBOT, joint_move(ROBOT.joint_names, ROBOT.home, tuple(goal.tolist()), law)).peaks
     joint = ROBOT.joint("th1")
     speed, acceleration, rate = (
         peak_of(peaks, "th1", quantity) for quantity in (Quantity.SPEED, Quantity.ACCELERATION, Quantity.STEP_RATE)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Cubic, Trapezoid
-from steptwin.host.planning.motions.joint_move import JointMove
+from steptwin.host.planning.motions.joint_move import joint_move
 from steptwin.host.planning.plan import BITS_OF_A_RECORD, BUS_PART, Plan, highest_speed
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
@@ -32,7 +32,7 @@ ROBOTS = {"joints": ROBOT, "driver": tireless(ROBOT)}
 
 def turned(duration_s: float, robot: Robot = ROBOT, law: type[Cubic] = Cubic) -> Plan:
     goal = (60.0, 10.0, 0.0, 0.0)
-    return plan(robot, JointMove(robot.joint_names, START, goal, law(1.0, duration_s)))
+    return plan(robot, joint_move(robot.joint_names, START, goal, law(1.0, duration_s)))
 
 
 @cache
@@ -70,7 +70,7 @@ def test_accelerations_grow_with_the_square() -> None:
     """A trapezoid with 1 / 1.4401 of th1's acceleration for 50 ms, whose speed is far below its limit: 120 %."""
     acceleration = ROBOT.joint("th1").acceleration_max / 1.4401
     goal = (0.05 * acceleration * 0.95, 10.0, 0.0, 0.0)
-    made = plan(ROBOT, JointMove(ROBOT.joint_names, START, goal, Trapezoid(1.0, 1.0, 0.05)))
+    made = plan(ROBOT, joint_move(ROBOT.joint_names, START, goal, Trapezoid(1.0, 1.0, 0.05)))
     assert highest_speed(made) == (120, "th1: mean acceleration over 1 ms")
 
 

@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -12,15 +11,15 @@ from hypothesis import strategies as st
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.laws import Trapezoid
+from steptwin.host.planning.motion import JointFunctions, Motion
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.trajectory import OutputChange
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.joint import Transmission
 from steptwin.host.robots.robot import Robot
 from tests.host.complaints import complaint_of
 from tests.messages import refusing
-from tests.work import CountingTrajectory, function_calls
+from tests.work import counting, function_calls
 
 ROBOT = load_robot("warehouse-scara")
 HOME = np.array(ROBOT.home)
@@ -30,31 +29,30 @@ SPU_TH1 = ROBOT.joint("th1").transmission.steps_per_unit
 Scalar = Callable[[FloatArray], FloatArray]
 
 
-@dataclass(frozen=True)
-class OneJoint:
-    """A motion of one joint from the home position by given functions; implements Trajectory."""
+def one_joint(
+    position: Scalar,
+    velocity: Scalar,
+    duration_s: float = 1.0,
+    breakpoints_s: tuple[float, ...] = (),
+    axis: int = TH1,
+) -> Motion:
+    """Return a motion of one joint from the home position by given functions."""
 
-    position: Scalar
-    velocity: Scalar
-    duration_s: float = 1.0
-    breakpoints_s: tuple[float, ...] = ()
-    axis: int = TH1
-    output_changes: tuple[OutputChange, ...] = ()
-    joint_names: tuple[str, ...] = ROBOT.joint_names
-
-    def positions(self, t_s: FloatArray) -> FloatArray:
+    def positions(t_s: FloatArray) -> FloatArray:
         positions = np.tile(HOME, (len(t_s), 1))
-        positions[:, self.axis] += self.position(t_s)
+        positions[:, axis] += position(t_s)
         return positions
 
-    def velocities(self, t_s: FloatArray) -> FloatArray:
+    def velocities(t_s: FloatArray) -> FloatArray:
         velocities = np.zeros((len(t_s), len(HOME)))
-        velocities[:, self.axis] = self.velocity(t_s)
+        velocities[:, axis] = velocity(t_s)
         return velocities
 
+    return Motion(ROBOT.joint_names, duration_s, JointFunctions(positions, velocities), breakpoints_s)
 
-def moved_by(law: Trapezoid, axis: int = TH1) -> OneJoint:
-    return OneJoint(law.position, law.velocity, law.duration_s, law.breakpoints_s, axis)
+
+def moved_by(law: Trapezoid, axis: int = TH1) -> Motion:
+    return one_joint(law.position, law.velocity, law.duration_s, law.breakpoints_s, axis)
 
 
 def law_of(speed: float) -> Trapezoid:
@@ -67,15 +65,15 @@ def zero(t_s: FloatArray) -> FloatArray:
     return np.zeros_like(t_s)
 
 
-def swing(amplitude: float, period_s: float = 1.0, **changes: float) -> OneJoint:
+def swing(amplitude: float, period_s: float = 1.0, **changes: float) -> Motion:
     """Return a motion forth and back: a (1 - cos wt)."""
     w = 2 * np.pi / period_s
-    motion = OneJoint(lambda t: amplitude * (1 - np.cos(w * t)), lambda t: amplitude * w * np.sin(w * t), period_s)
+    motion = one_joint(lambda t: amplitude * (1 - np.cos(w * t)), lambda t: amplitude * w * np.sin(w * t), period_s)
     return dataclasses.replace(motion, **changes)  # type: ignore[arg-type]
 
 
-def complaint(trajectory: OneJoint, robot: Robot = ROBOT, point_ms: int = 10) -> str:
-    return complaint_of(lambda: plan(robot, trajectory, point_ms))
+def complaint(motion: Motion, robot: Robot = ROBOT, point_ms: int = 10) -> str:
+    return complaint_of(lambda: plan(robot, motion, point_ms))
 
 
 def with_joint(name: str, **changes: object) -> Robot:
@@ -101,11 +99,11 @@ class TestPoints:
         assert drawer.times_ms.tolist() == list(range(0, 10_001, 10))
         assert drawer.records()[0].durations_ms == [10] * 1000
         t_s = drawer.times_ms / 1000
-        units = drawer.trajectory.positions(t_s) * [81920, 327680, 655360, *[200 * 16384 / 72] * 2, 200 * 16384 / 120]
+        units = drawer.motion.positions(t_s) * [81920, 327680, 655360, *[200 * 16384 / 72] * 2, 200 * 16384 / 120]
         assert np.abs(drawer.points_units - units).max() <= 0.5 + 1e-6
         assert drawer.start_units == [0, 0, 65_536_000, 0, 2_730_667, 819_200]
         assert drawer.start_joints == pytest.approx([0, 0, 100, 0, 60, 30])
-        per_ms = drawer.trajectory.velocities(t_s) * ROBOT.wire_units_per_unit * 64 / 1000
+        per_ms = drawer.motion.velocities(t_s) * ROBOT.wire_units_per_unit * 64 / 1000
         assert np.abs(drawer.velocities - per_ms).max() <= 0.5 + 1e-6
         assert not drawer.velocities[[0, -1]].any()
 
@@ -135,7 +133,7 @@ class TestPoints:
         """On absolute positions: -0.5, 0.5 and 1.5 units become 0, 1 and 2."""
         unit = 1 / ROBOT.wire_units_per_unit[0]
         for units, rounded in ((0.5, 1), (1.5, 2), (2.4999, 2)):
-            still = OneJoint(lambda t, units=units: np.full_like(t, units * unit), zero, axis=0)  # type: ignore[misc]
+            still = one_joint(lambda t, units=units: np.full_like(t, units * unit), zero, axis=0)  # type: ignore[misc]
             assert plan(ROBOT, still).points_units[:, 0].tolist() == [rounded] * 101
 
     def test_they_are_read_only(self, drawer: Plan) -> None:
@@ -178,7 +176,7 @@ class TestJointLimits:
 
     def test_between_two_points(self) -> None:
         """Points every 250 ms miss the bump between them; the checks' grid of 1 ms sees it."""
-        bump = OneJoint(lambda t: 121 * np.exp(-(((t - 0.125) / 0.01) ** 2)) * (t > 0), zero)
+        bump = one_joint(lambda t: 121 * np.exp(-(((t - 0.125) / 0.01) ** 2)) * (t > 0), zero)
         assert complaint(bump, point_ms=250).endswith(
             "s is outside -120..120 deg, by up to 1 deg; the nearest is 120 deg"
         )
@@ -218,7 +216,9 @@ class TestAcceleration:
     @pytest.mark.slow
     def test_a_jump_of_speed(self) -> None:
         """100 deg/s from one millisecond to the next: 100 000 deg/s^2."""
-        jump = OneJoint(lambda t: 100 * np.clip(t - 0.5, 0, 0.1), lambda t: np.where((t > 0.5) & (t < 0.6), 100.0, 0.0))
+        jump = one_joint(
+            lambda t: 100 * np.clip(t - 0.5, 0, 0.1), lambda t: np.where((t > 0.5) & (t < 0.6), 100.0, 0.0)
+        )
         assert complaint(jump).startswith("th1: a mean acceleration over 1 ms of 100000.0 deg/s^2 at t = 0.")
 
 
@@ -266,44 +266,44 @@ class TestWire:
 
     @pytest.mark.parametrize(("speed_mm_s", "fits"), [(799.9, True), (800.1, False)])
     def test_velocity(self, speed_mm_s: float, fits: bool) -> None:
-        trajectory = moved_by(Trapezoid(speed_mm_s * 0.8, 1.0, 0.2), axis=0)
+        motion = moved_by(Trapezoid(speed_mm_s * 0.8, 1.0, 0.2), axis=0)
         if fits:
-            assert plan(self.robot(), trajectory).velocities.max() < 1 << 23
+            assert plan(self.robot(), motion).velocities.max() < 1 << 23
         else:
-            told = complaint(trajectory, self.robot())
+            told = complaint(motion, self.robot())
             assert told.startswith("sx: a velocity of 8389657 1/64 unit per ms at t = 0.200 s does not fit")
             assert "-8388608..8388607; " in told
 
     @pytest.mark.parametrize(("speed_mm_s", "fits"), [(200.0, True), (201.0, False)])
     def test_displacement(self, speed_mm_s: float, fits: bool) -> None:
         """The limit is 51.2 mm per segment: 200 mm/s for 255 ms are 51 mm, 201 mm/s are 51.255 mm."""
-        trajectory = moved_by(Trapezoid(speed_mm_s * 1.755, 2.04, 0.285), axis=0)
+        motion = moved_by(Trapezoid(speed_mm_s * 1.755, 2.04, 0.285), axis=0)
         if fits:
-            assert max(plan(self.robot(), trajectory, 255).records()[0].displacements_units) < 1 << 23
+            assert max(plan(self.robot(), motion, 255).records()[0].displacements_units) < 1 << 23
         else:
-            told = complaint(trajectory, self.robot(), point_ms=255)
+            told = complaint(motion, self.robot(), point_ms=255)
             assert told.startswith("sx: a displacement of 8397619 units at t = 0.510 s does not fit")
 
     @pytest.mark.slow
     def test_a_velocity_beyond_every_integer(self) -> None:
         """Near a singular pose speeds can be any finite number; they must not wrap when they become integers."""
-        absurd = OneJoint(zero, lambda t: np.where((t > 0) & (t < 1), 1e300, 0.0))
+        absurd = one_joint(zero, lambda t: np.where((t > 0) & (t < 1), 1e300, 0.0))
         assert "does not fit a PVT record" in complaint(absurd)
 
 
 class TestShape:
     @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
     def test_every_value_is_finite(self, bad: float) -> None:
-        position = OneJoint(lambda t: np.where(t == 0.123, bad, 0.0), zero)
+        position = one_joint(lambda t: np.where(t == 0.123, bad, 0.0), zero)
         assert complaint(position).startswith("th1: at t = 0.123 s the position is ")
-        velocity = OneJoint(zero, lambda t: np.where(t == 0.5, bad, 0.0))
+        velocity = one_joint(zero, lambda t: np.where(t == 0.5, bad, 0.0))
         assert "must be finite" in complaint(velocity)
 
     @pytest.mark.parametrize(("when", "t_s"), [("starts at t = 0.000 s", 0.0), ("ends at t = 1.000 s", 1.0)])
     def test_it_starts_and_ends_at_rest(self, when: str, t_s: float) -> None:
-        moving = OneJoint(zero, lambda t: np.where(t == t_s, 0.25, 0.0))
+        moving = one_joint(zero, lambda t: np.where(t == t_s, 0.25, 0.0))
         assert complaint(moving) == f"th1: the motion {when} with 0.25 deg/s instead of 0 deg/s, at rest"
-        nearly = OneJoint(zero, lambda t: np.where(t == t_s, 1e-10, 0.0))
+        nearly = one_joint(zero, lambda t: np.where(t == t_s, 1e-10, 0.0))
         assert not plan(ROBOT, nearly).velocities.any()
 
     @pytest.mark.parametrize("names", [("sx",), ROBOT.joint_names[::-1]])
@@ -323,13 +323,13 @@ class TestShape:
         ],
     )
     def test_its_times_are_whole_milliseconds(self, duration_s: float, breakpoints_s: Sequence[float]) -> None:
-        complaint(OneJoint(zero, zero, duration_s, tuple(breakpoints_s)))
+        complaint(one_joint(zero, zero, duration_s, tuple(breakpoints_s)))
 
     def test_the_shortest_motion(self) -> None:
-        assert plan(ROBOT, OneJoint(zero, zero, 0.001)).records()[0].durations_ms == [1]
+        assert plan(ROBOT, one_joint(zero, zero, 0.001)).records()[0].durations_ms == [1]
 
 
-def by_speeds(nodes_s: Sequence[float], speeds: Sequence[float], breakpoints_s: tuple[float, ...] = ()) -> OneJoint:
+def by_speeds(nodes_s: Sequence[float], speeds: Sequence[float], breakpoints_s: tuple[float, ...] = ()) -> Motion:
     """Return a motion whose speed is straight between nodes."""
     at_s, at = np.array(nodes_s), np.array(speeds)
     ways = np.concatenate([[0.0], np.cumsum(np.diff(at_s) * (at[1:] + at[:-1]) / 2)])
@@ -341,7 +341,7 @@ def by_speeds(nodes_s: Sequence[float], speeds: Sequence[float], breakpoints_s: 
         i = np.clip(np.searchsorted(at_s, t_s, side="right") - 1, 0, len(at_s) - 2)
         return np.asarray(ways[i] + (t_s - at_s[i]) * (at[i] + velocity(t_s)) / 2)
 
-    return OneJoint(position, velocity, float(at_s[-1]), breakpoints_s)
+    return one_joint(position, velocity, float(at_s[-1]), breakpoints_s)
 
 
 class TestBetweenPoints:
@@ -349,7 +349,7 @@ class TestBetweenPoints:
 
     LIMIT = ROBOT.joints[TH1]
 
-    def late_stop(self, acceleration: float, breakpoints_s: tuple[float, ...] = ()) -> OneJoint:
+    def late_stop(self, acceleration: float, breakpoints_s: tuple[float, ...] = ()) -> Motion:
         """Return a motion that speeds up in the first half of a record and slows down in the second half of another."""
         speed = 0.005 * acceleration
         return by_speeds([0.0, 0.005, 0.095, 0.1], [0.0, speed, speed, 0.0], breakpoints_s)
@@ -400,8 +400,8 @@ class TestStart:
 
 def test_planning_the_drawer_pull_takes_little_work() -> None:
     """One position and one velocity for each of 20 001 milliseconds, and no loop over milliseconds or points."""
-    trajectory = CountingTrajectory(make_job(ROBOT, "pull-line", {"duration_s": "20"}))
-    points = len(plan(ROBOT, trajectory).times_ms)
+    motion, law = counting(make_job(ROBOT, "pull-line", {"duration_s": "20"}))
+    points = len(plan(ROBOT, motion).times_ms)
     assert points == 2001
-    assert trajectory.instants == 2 * 20_001
-    assert function_calls(lambda: plan(ROBOT, trajectory)) < points
+    assert law.instants == 2 * 20_001
+    assert function_calls(lambda: plan(ROBOT, motion)) < points

@@ -7,9 +7,9 @@ import pytest
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning import polygon as polygon_module
-from steptwin.host.planning.motions.sampled import Sampled, blended_lines
+from steptwin.host.planning.motion import Motion
+from steptwin.host.planning.motions.sampled import blended_lines, c2_spline, hermite_spline
 from steptwin.host.planning.polygon import TOOL, TOOL_MM, Departure, Polygon
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 
@@ -26,13 +26,13 @@ def change_times_s(changes: FloatArray) -> FloatArray:
     return np.asarray(np.abs(changes).max(axis=1) / 100.0)
 
 
-def departures(polygon: Polygon, motion: Trajectory) -> dict[str, Departure]:
+def departures(polygon: Polygon, motion: Motion) -> dict[str, Departure]:
     return {departure.what: departure for departure in polygon.departures(ROBOT, motion)}
 
 
 def test_another_speed_along_the_lines_is_no_departure() -> None:
     positions = points((0, 0), (10, 20), (-30, 5))
-    at_stops = Sampled.hermite(NAMES, TIMES_S, positions, np.zeros_like(positions))
+    at_stops = hermite_spline(NAMES, TIMES_S, positions, np.zeros_like(positions))
     found = departures(Polygon(TIMES_S, positions), at_stops)
     assert [*found] == [*NAMES, TOOL]
     assert max(departure.distance for departure in found.values()) < 1e-9
@@ -43,7 +43,7 @@ def test_an_overshoot_is_one() -> None:
     positions = points((0, 0), (10, 0), (10, 0))
     speeds = np.zeros_like(positions)
     speeds[1, 0] = 20.0
-    found = departures(Polygon(TIMES_S, positions), Sampled.hermite(NAMES, TIMES_S, positions, speeds))
+    found = departures(Polygon(TIMES_S, positions), hermite_spline(NAMES, TIMES_S, positions, speeds))
     beyond = 20.0 * 4 / 27  # v t (1 - t)^2 at t = 1/3
     assert found["th1"].distance == pytest.approx(beyond, rel=1e-5)
     assert found["th1"].t_s == pytest.approx(4 / 3, abs=0.001)
@@ -66,7 +66,7 @@ def test_the_nearest_place_is_the_nearest_of_all(monkeypatch: pytest.MonkeyPatch
     """Against a search over places 1/20 000 of the line apart, one piece of a few instants after the other."""
     monkeypatch.setattr(polygon_module, "_CHUNK", 7)
     positions = points((0, 0), (40, 30), (-20, 30))
-    spline = Sampled.c2_spline(NAMES, TIMES_S, positions)
+    spline = c2_spline(NAMES, TIMES_S, positions)
     ranges = np.array([joint.upper - joint.lower for joint in ROBOT.joints])
     off = np.zeros(4)
     for t_s in np.arange(0.0, 2.001, 0.01):
@@ -85,7 +85,7 @@ def test_lines_of_the_tool_are_straight_in_space() -> None:
     positions = np.array([[-90.0, 30.0, 0.0, 0.0], [90.0, 30.0, 0.0, 0.0]])
     tool_mm = make_kinematics(ROBOT).forward(positions)[:, :3]
     times_s = TIMES_S[:2]
-    motion = Sampled.hermite(NAMES, times_s, positions, np.zeros_like(positions))
+    motion = hermite_spline(NAMES, times_s, positions, np.zeros_like(positions))
     assert departures(Polygon(times_s, positions), motion)[TOOL].distance < 1e-9
     radius_mm = np.linalg.norm(tool_mm[0, :2])
     found = departures(Polygon(times_s, positions, tool_mm), motion)[TOOL]
@@ -95,7 +95,7 @@ def test_lines_of_the_tool_are_straight_in_space() -> None:
 def test_what_is_large() -> None:
     """1 % of the joint's range, 1 mm of the tool: both sides."""
     positions = points((0, 0), (10, 0), (0, 0))
-    found = departures(Polygon(TIMES_S, positions), Sampled.c2_spline(NAMES, TIMES_S, positions))
+    found = departures(Polygon(TIMES_S, positions), c2_spline(NAMES, TIMES_S, positions))
     assert found["th1"].allowed == pytest.approx(0.01 * (ROBOT.joint("th1").upper - ROBOT.joint("th1").lower))
     assert found[TOOL].allowed == TOOL_MM
     for departure in found.values():

@@ -6,12 +6,12 @@ import pytest
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning import peaks as samples
 from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.motions.composer import Composer
-from steptwin.host.planning.motions.stretched import Stretched, largest_stretch
+from steptwin.host.planning.motions.stretched import largest_stretch, stretched
 from steptwin.host.planning.peaks import TooLongError, sampled, windows_ms
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs import compile_program, parse_program
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.robot import Robot
 from tests.end_to_end.pages import ROOT
@@ -21,8 +21,8 @@ from tests.messages import refusing
 TEACHING = load_robot("teaching-scara")
 
 
-def program_of(robot: Robot, text: str) -> Trajectory:
-    return compile_program(parse_program(text, Findings()), robot).trajectory
+def program_of(robot: Robot, text: str) -> Motion:
+    return compile_program(parse_program(text, Findings()), robot).motion
 
 
 def test_windows_share_a_millisecond(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -41,7 +41,7 @@ def test_windows_change_no_plan(monkeypatch: pytest.MonkeyPatch, name: str, wind
     whole = plan(robot, program_of(robot, text))
     monkeypatch.setattr(samples, "WINDOW_MS", window_ms)
     pieced = plan(robot, program_of(robot, text))
-    assert len(list(sampled(pieced.trajectory))) == -(-round(1000 * whole.trajectory.duration_s) // window_ms)
+    assert len(list(sampled(pieced.motion))) == -(-round(1000 * whole.motion.duration_s) // window_ms)
     assert np.array_equal(pieced.times_ms, whole.times_ms)
     assert np.array_equal(pieced.points_units, whole.points_units)
     assert np.array_equal(pieced.velocities, whole.velocities)
@@ -83,9 +83,9 @@ def test_an_hour_is_the_longest_motion() -> None:
 
 def test_a_stretch_beyond_an_hour_is_refused_with_the_largest() -> None:
     carry = make_job(TEACHING, "carry", {})
-    longest = largest_stretch(Stretched.by(carry, 100.0))
+    longest = largest_stretch(stretched(carry, 100.0))
     assert longest == pytest.approx(36.0 / carry.duration_s, abs=0.001)
-    motion = Stretched.by(carry, 100.0)
-    assert Stretched.by(motion, longest).duration_s <= 3600
+    motion = stretched(carry, 100.0)
+    assert stretched(motion, longest).duration_s <= 3600
     with refusing(TooLongError):
-        Stretched.by(motion, longest + 0.001)
+        stretched(motion, longest + 0.001)

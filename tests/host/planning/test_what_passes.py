@@ -10,8 +10,9 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.laws import Cubic, Trapezoid
-from steptwin.host.planning.motions.composer import Standstill
-from steptwin.host.planning.motions.joint_move import JointMove
+from steptwin.host.planning.motion import Motion
+from steptwin.host.planning.motions.composer import standstill
+from steptwin.host.planning.motions.joint_move import joint_move
 from steptwin.host.planning.planner import plan, plan_stretched
 from steptwin.host.planning.programs import CompiledProgram, compile_program, parse_program
 from steptwin.host.robots import load_robot
@@ -39,30 +40,30 @@ class TestPositions:
     def test_the_nearest_one(self, joint: Joint, side: int) -> None:
         i = ROBOT.joint_names.index(joint.name)
 
-        def to(position: float) -> JointMove:
+        def to(position: float) -> Motion:
             goal = [0.0, 10.0, 1.0, 0.0]
             goal[i] = position
-            return JointMove(ROBOT.joint_names, (0.0, 10.0, 1.0, 0.0), tuple(goal), Cubic(1.0, 20.0))
+            return joint_move(ROBOT.joint_names, (0.0, 10.0, 1.0, 0.0), tuple(goal), Cubic(1.0, 20.0))
 
         beyond = (joint.upper if side > 0 else joint.lower) + side * 0.123
         told = complaint_of(lambda: plan(ROBOT, to(beyond)))
         excess, near = re.findall(r"by up to (\S+) .*; the nearest is (\S+) ", told)[0]
-        assert plan(ROBOT, to(float(near))).trajectory.duration_s == 20.0
-        assert plan(ROBOT, to(beyond - side * float(excess))).trajectory.duration_s == 20.0
+        assert plan(ROBOT, to(float(near))).motion.duration_s == 20.0
+        assert plan(ROBOT, to(beyond - side * float(excess))).motion.duration_s == 20.0
         complaint_of(lambda: plan(ROBOT, to(beyond - side * float(excess) * 0.99)))
 
 
-def lift(distance_mm: float, duration_s: float) -> JointMove:
+def lift(distance_mm: float, duration_s: float) -> Motion:
     goal = (0.0, 10.0, distance_mm, 0.0)
-    return JointMove(ROBOT.joint_names, (0.0, 10.0, 0.0, 0.0), goal, Trapezoid(1.0, duration_s, 0.1))
+    return joint_move(ROBOT.joint_names, (0.0, 10.0, 0.0, 0.0), goal, Trapezoid(1.0, duration_s, 0.1))
 
 
 class TestDrives:
     """With motors that can do anything, the step rate alone is too high, and another drive would do."""
 
-    def settings(self, robot: Robot, trajectory: JointMove) -> dict[str, dict[str, float]]:
+    def settings(self, robot: Robot, motion: Motion) -> dict[str, dict[str, float]]:
         """Return the keys and values for each joint that the refusal names."""
-        told = complaint_of(lambda: plan(robot, trajectory))
+        told = complaint_of(lambda: plan(robot, motion))
         assert " kHz of steps at t = " in told
         joints = told.split(", and so does ", 1)[1].split(" and ")
         return {
@@ -101,7 +102,7 @@ class TestDrives:
 
     def test_of_two_joints(self) -> None:
         robot = tireless(ROBOT)
-        motion = JointMove(ROBOT.joint_names, (0.0,) * 4, (100.0, 90.0, 0.0, 0.0), Cubic(1.0, 0.2))
+        motion = joint_move(ROBOT.joint_names, (0.0,) * 4, (100.0, 90.0, 0.0, 0.0), Cubic(1.0, 0.2))
         changes = self.settings(robot, motion)
         assert set(changes) == {"th1", "th2"}
         plan(self.refitted(robot, changes), motion)
@@ -111,7 +112,7 @@ class TestDrives:
         """The driver is a slow one: the wire's records could not tell 15 kHz of full steps."""
         robot = replace(tireless(ROBOT), board=replace(ROBOT.board, step_rate_max_hz=1000.0))
         goal = tuple(60.0 if joint == name else 0.0 for joint in ROBOT.joint_names)
-        motion = JointMove(ROBOT.joint_names, (0.0,) * 4, goal, Cubic(1.0, duration_s))
+        motion = joint_move(ROBOT.joint_names, (0.0,) * 4, goal, Cubic(1.0, duration_s))
         changes = self.settings(robot, motion)
         assert changes == {name: {"microsteps": 1, key: changes[name][key]}}
         plan(self.refitted(robot, changes), motion)
@@ -191,17 +192,17 @@ class TestStepsOfPrograms:
         program = "\n[[step]]\n".join(steps)
         told = self.fast_steps(program)
         assert [message.split(" (")[0] for message in told] == ["step 1", "step 2"]
-        motion = self.compiled(program)
-        with pytest.raises(InputError) as caught, motion.explained():
-            plan(ROBOT, motion.trajectory)
+        compiled = self.compiled(program)
+        with pytest.raises(InputError) as caught, compiled.explained():
+            plan(ROBOT, compiled.motion)
         assert str(caught.value).startswith(f"{told[0]}; 1 more step is too fast; or the whole program: ")
         stretch = float(str(caught.value).rsplit("stretch=", 1)[1].removesuffix(")"))
-        plan_stretched(ROBOT, motion.trajectory, stretch)
-        with refusing(InputError), motion.explained(stretch - 0.01):
-            plan_stretched(ROBOT, motion.trajectory, stretch - 0.01)
+        plan_stretched(ROBOT, compiled.motion, stretch)
+        with refusing(InputError), compiled.explained(stretch - 0.01):
+            plan_stretched(ROBOT, compiled.motion, stretch - 0.01)
         firsts = [next(iter(self.values(message).items())) for message in told]
         slower = [self.with_value(step, *first) for step, first in zip(steps, firsts, strict=False)]
-        plan(ROBOT, self.compiled("\n[[step]]\n".join([*slower, steps[2]])).trajectory)
+        plan(ROBOT, self.compiled("\n[[step]]\n".join([*slower, steps[2]])).motion)
 
     def test_a_step_that_no_value_makes_slow_enough(self) -> None:
         slow = replace(ROBOT, board=replace(ROBOT.board, step_rate_max_hz=1.0))
@@ -225,6 +226,6 @@ class TestStepsOfPrograms:
 
 
 def test_a_pause_is_as_long_as_told() -> None:
-    told = complaint_of(lambda: plan(ROBOT, Standstill(ROBOT.joint_names, ROBOT.home, 0.3004)))
+    told = complaint_of(lambda: plan(ROBOT, standstill(ROBOT.joint_names, ROBOT.home, 0.3004)))
     near_s = float(told.rsplit("the nearest is ", 1)[1].removesuffix(" s"))
-    assert plan(ROBOT, Standstill(ROBOT.joint_names, ROBOT.home, near_s)).times_ms[-1] == 300
+    assert plan(ROBOT, standstill(ROBOT.joint_names, ROBOT.home, near_s)).times_ms[-1] == 300

@@ -18,13 +18,13 @@ from tests.host.verify.motions import perfect_evidence
 def perfect_run(name: str, job: str) -> StoredRun:
     """Return a run of a job of one of the five robots, with its outputs switched as early as planned."""
     robot = load_robot(name)
-    trajectory = make_job(robot, job, {})
-    expected = Expectation.of(robot, trajectory)
+    motion = make_job(robot, job, {})
+    expected = Expectation.of(robot, motion)
     evidence = perfect_evidence(expected)
-    for change in trajectory.output_changes:
+    for change in motion.output_changes:
         output = robot.outputs[change.output]
         evidence = _with_edge(evidence, output.joint, f"out{output.out}", change.from_s, change.on)
-    run = RunInfo(name, job, trajectory.duration_s, BusReport(1_000_000, 0, 0.0), trajectory.duration_s, 1.0)
+    run = RunInfo(name, job, motion.duration_s, BusReport(1_000_000, 0, 0.0), motion.duration_s, 1.0)
     report = StoredReport(run, (), True, "chip-330pf", (), None, {})
     return StoredRun(robot, report, compare(expected, evidence))
 

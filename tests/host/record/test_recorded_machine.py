@@ -8,7 +8,7 @@ from tests.host.record.machines import perfect_run
 
 RUN = perfect_run("warehouse-scara", "store")
 MACHINE = RecordedMachine.of(RUN)
-LOCK, UNLOCK = (change for change in RUN.comparison.expected.trajectory.output_changes if change.output == "lock")
+LOCK, UNLOCK = (change for change in RUN.comparison.expected.motion.output_changes if change.output == "lock")
 
 
 def test_the_counts_at_an_instant_include_its_own_step() -> None:

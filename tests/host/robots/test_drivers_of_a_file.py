@@ -7,7 +7,7 @@ import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.motions.sampled import c2_spline
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot, read_robot
 from steptwin.host.robots.board_settings import pulses_for
@@ -46,7 +46,7 @@ def wrong(lines: str) -> list[str]:
 def passes(robot: Robot, kernel: Kernel) -> None:
     """Run a motion of a second in which every joint goes up, down and back."""
     there = np.array(robot.home) + np.outer([0.0, 2.0, -2.0, 0.0], np.ones(len(robot.home)))
-    motion = Sampled.c2_spline(robot.joint_names, np.array([0.0, 0.3, 0.7, 1.0]), there)
+    motion = c2_spline(robot.joint_names, np.array([0.0, 0.3, 0.7, 1.0]), there)
     outcome = execute(plan(robot, motion), "up-and-down", kernel)
     assert outcome.report.passed, outcome.report.reasons
     assert outcome.comparison.evidence.axes[0].violations.counts.size == 0

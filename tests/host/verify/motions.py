@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.planning.trajectory import OutputChange
+from steptwin.host.planning.motion import JointLaw, Motion
 from steptwin.host.record.folder.edges_file import PINS
 from steptwin.host.verify import (
     AxisEvidence,
@@ -38,18 +38,11 @@ Scalar = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
-    """A trajectory of joints a, b, ... given as functions of time."""
+class Columns(JointLaw):
+    """A law with a position and a velocity function for each joint."""
 
-    duration_s: float
     position: tuple[Scalar, ...]
     velocity: tuple[Scalar, ...]
-    breakpoints_s: tuple[float, ...] = ()
-    output_changes: tuple[OutputChange, ...] = ()
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        return tuple("abcdefgh"[: len(self.position)])
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         return np.column_stack([f(t_s) for f in self.position])
@@ -89,8 +82,9 @@ def trapezoid(start: float, distance: float, duration_s: float, ramp_s: float) -
 
 
 def motion(duration_s: float, *joints: tuple[Scalar, Scalar]) -> Motion:
-    """Return a trajectory of the given joints."""
-    return Motion(duration_s, tuple(p for p, _ in joints), tuple(v for _, v in joints))
+    """Return a motion of joints a, b, ... given as functions of time."""
+    law = Columns(tuple(p for p, _ in joints), tuple(v for _, v in joints))
+    return Motion(tuple("abcdefgh"[: len(joints)]), duration_s, law)
 
 
 def still(position: float) -> tuple[Scalar, Scalar]:
@@ -105,23 +99,23 @@ def planar_forward(joints: FloatArray) -> FloatArray:
     return np.column_stack([columns[:, 0], columns[:, 1], np.zeros(len(joints)), columns[:, 2]])
 
 
-def expect(trajectory: Motion, *steps_per_unit: float) -> Expectation:
+def expect(motion: Motion, *steps_per_unit: float) -> Expectation:
     """Return the expectation for a motion of the stage."""
     units = ("mm", "mm", "deg", *("deg",) * 5)[: len(steps_per_unit)]
-    return Expectation(trajectory, np.array(steps_per_unit), units, planar_forward)
+    return Expectation(motion, np.array(steps_per_unit), units, planar_forward)
 
 
 def nearest_steps(expected: Expectation) -> tuple[int, ...]:
     """Return the counters of a board that stands at the start of the motion."""
-    start = expected.trajectory.positions(np.zeros(1))[0] * expected.steps_per_unit
+    start = expected.motion.positions(np.zeros(1))[0] * expected.steps_per_unit
     return tuple(int(n) for n in np.floor(start + 0.5))
 
 
 def perfect_evidence(expected: Expectation) -> Evidence:
     """Return the evidence of a board that makes every ideal step in the nearest count of its timer."""
     starts = nearest_steps(expected)
-    ideal = ideal_steps(expected.trajectory, expected.steps_per_unit, starts)
-    names = expected.trajectory.joint_names
+    ideal = ideal_steps(expected.motion, expected.steps_per_unit, starts)
+    names = expected.motion.joint_names
     return Evidence(START_COUNTS, tuple(map(_perfect_axis, names, ideal)))
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from steptwin.host.planning.motions.joint_move import JointMove, fastest_law
+from steptwin.host.planning.motions.joint_move import fastest_law, joint_move
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import brought_text, read_robot
 from steptwin.host.robots.robot import Robot
@@ -48,7 +48,7 @@ def turntable(microsteps: int, acceleration: float) -> Robot:
 
 def turned(microsteps: int, acceleration: float) -> Outcome:
     robot = turntable(microsteps, acceleration)
-    move = JointMove(robot.joint_names, (0.0,), (0.5,), fastest_law(robot, np.array([0.5])))
+    move = joint_move(robot.joint_names, (0.0,), (0.5,), fastest_law(robot, np.array([0.5])))
     return execute(plan(robot, move), "turn", fastest_kernel())
 
 

@@ -23,7 +23,7 @@ from tests.host.verify.motions import (
     trapezoid,
 )
 
-MOTION = expect(
+EXPECTED = expect(
     motion(3.0, sines([(20.0, 2.0, 0.0)]), trapezoid(3.0, -50.3, 3.0, 1.0), sines([(9.7, 3.0, 1.0)])), 80.0, 40.0, 44.4
 )
 """Swings, and a way from rest to rest that ends between two steps."""
@@ -53,9 +53,9 @@ RULES = {
 @cache
 def made_by(name: str, grid_us: int = 2) -> Evidence:
     """Return the evidence of a controller that looks at the motion on a grid of time, and makes steps by a rule."""
-    rule, evidence = RULES[name], perfect_evidence(MOTION)
-    t_s = np.arange(0.0, MOTION.trajectory.duration_s + grid_us / 1e6, grid_us / 1e6)
-    planned = MOTION.trajectory.positions(np.minimum(t_s, MOTION.trajectory.duration_s)) * MOTION.steps_per_unit
+    rule, evidence = RULES[name], perfect_evidence(EXPECTED)
+    t_s = np.arange(0.0, EXPECTED.motion.duration_s + grid_us / 1e6, grid_us / 1e6)
+    planned = EXPECTED.motion.positions(np.minimum(t_s, EXPECTED.motion.duration_s)) * EXPECTED.steps_per_unit
     for axis, start in enumerate(evidence.axes):
         near = np.flatnonzero(np.diff(np.floor(16 * planned[:, axis]), prepend=np.nan))  # where a rule may act
         counter, times, signs = start.start_steps, [], []
@@ -76,7 +76,7 @@ def _with(evidence: Evidence, axis: int, counts: NDArray[Any], signs: NDArray[An
 
 
 def judged(evidence: Evidence, tolerance_steps: float = 1.01) -> Report:
-    return verify_comparison(compare(MOTION, evidence, any_step_rule(tolerance_steps)), RUN)
+    return verify_comparison(compare(EXPECTED, evidence, any_step_rule(tolerance_steps)), RUN)
 
 
 @pytest.mark.slow
@@ -86,7 +86,7 @@ def test_a_rule_alone_passes_with_another_controller_and_only_ours_does_with_our
     report = judged(evidence)
     assert report.reasons == ()
     assert [axis.unmatched_steps for axis in report.axes] == [0, 0, 0]
-    assert verify(MOTION, evidence, RUN).passed == (name == "ours")
+    assert verify(EXPECTED, evidence, RUN).passed == (name == "ours")
 
 
 @pytest.mark.parametrize(("name", "grid_us"), [*((name, 25) for name in RULES), ("ours", 100), ("whole part", 100)])

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.motion import Motion
 from steptwin.host.verify import oracle
 from steptwin.host.verify.oracle import IdealSteps, ideal_steps
-from tests.host.verify.motions import Motion, Scalar, line, motion, sines, still, trapezoid
-from tests.work import CountingTrajectory, function_calls
+from tests.host.verify.motions import Scalar, line, motion, sines, still, trapezoid
+from tests.work import counting, function_calls
 
 H = 9 / 16
 
@@ -72,10 +73,10 @@ def test_rounding_noise_at_rest_makes_no_steps_and_solves_nothing() -> None:
     def row(n: int) -> Scalar:
         return lambda t: 1.0 + noise[n][np.rint(t * 1000.0).astype(int)]
 
-    noisy = CountingTrajectory(motion(10.0, (row(0), lambda t: row(1)(t) - 1.0)))
+    noisy, law = counting(motion(10.0, (row(0), lambda t: row(1)(t) - 1.0)))
     (steps,) = ideal_steps(noisy, np.array([80.0]), (80,))
     assert len(steps.time_s) == 0
-    assert noisy.instants <= 2 * 10_001 + 2
+    assert law.instants <= 2 * 10_001 + 2
 
 
 @pytest.mark.parametrize("turn_s", [0.5, 0.50037, 1.0 / 3.0])
@@ -193,11 +194,11 @@ def six_axes(duration_s: float) -> Motion:
 
 def test_a_drawer_pull_takes_little_work() -> None:
     """Two evaluations for each of 10 001 samples, four at most for each step, and no loop over samples or steps."""
-    pull, spu = CountingTrajectory(six_axes(10.0)), np.array([44.4, 44.4, 26.7, 40.0, 160.0, 320.0])
+    (pull, law), spu = counting(six_axes(10.0)), np.array([44.4, 44.4, 26.7, 40.0, 160.0, 320.0])
     starts = (0, 2664, 801, 20_000, 48_000, 32_000)
     steps = sum(len(axis.time_s) for axis in ideal_steps(pull, spu, starts))
     assert steps > 3000
-    assert pull.instants <= 2 * 10_001 + 4 * steps
+    assert law.instants <= 2 * 10_001 + 4 * steps
     assert function_calls(lambda: ideal_steps(pull, spu, starts)) < steps
 
 

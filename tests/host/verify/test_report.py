@@ -379,7 +379,7 @@ def test_evidence_of_other_axes_than_planned_is_refused() -> None:
 
 def test_an_expectation_needs_one_conversion_per_joint() -> None:
     with refusing(ValueError):
-        Expectation(STEADY.trajectory, np.array([1.0, 2.0]), ("mm",), planar_forward)
+        Expectation(STEADY.motion, np.array([1.0, 2.0]), ("mm",), planar_forward)
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from steptwin.host.planning.trajectory import OutputChange
+from steptwin.host.planning.motion import OutputChange
 from steptwin.host.verify import Expectation, OutputEdge, verify
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 from tests.host.verify.motions import RUN, START_COUNTS, expect, line, motion, perfect_evidence

@@ -5,7 +5,7 @@ import pytest
 from pick_and_place.arm import Arm, ArmError
 from pick_and_place.planner import Point, plan_move
 
-from steptwin import BoardUnderTest, EmergencyStop, FaultOptions, FrameLoss, Sampled, Scheduled
+from steptwin import BoardUnderTest, EmergencyStop, FaultOptions, FrameLoss, Motion, Scheduled, hermite_spline
 
 COUNTS_PER_S = 72_000_000
 HALF_A_STEP = 0.02
@@ -20,11 +20,11 @@ def arm(steptwin_board: BoardUnderTest) -> Arm:
     return arm
 
 
-def planned(board: BoardUnderTest, points: list[Point]) -> Sampled:
+def planned(board: BoardUnderTest, points: list[Point]) -> Motion:
     """Return the same motion as a trajectory, for the board's verification."""
     times_s = np.array([point.t_ms / 1000 for point in points])
     positions, velocities = ([getattr(point, name) for point in points] for name in ("positions", "velocities"))
-    return Sampled.hermite(board.robot.joint_names, times_s, np.array(positions), np.array(velocities))
+    return hermite_spline(board.robot.joint_names, times_s, np.array(positions), np.array(velocities))
 
 
 def test_every_pulse_is_where_it_was_planned(steptwin_board: BoardUnderTest, arm: Arm) -> None:

@@ -24,7 +24,7 @@ from tests.features.captures.analyser import Probe, probes_of, seen_by, write_se
 from tests.messages import refusing
 
 ROBOT = load_robot("teaching-scara")
-MOTION = plan(ROBOT, make_job(ROBOT, "carry", {}))
+PLAN = plan(ROBOT, make_job(ROBOT, "carry", {}))
 MAPS = ["th1=D0,D1", "th2=D2,D3", "d3=D4,D5", "th4=D6,D7"]
 BEFORE_S = 0.0123456789
 PPM = 50.0
@@ -34,7 +34,7 @@ Damage = Callable[[list[Probe]], list[Probe]]
 
 @pytest.fixture(scope="module")
 def evidence(fast_kernel: Kernel) -> Evidence:
-    return execute(MOTION, "carry", fast_kernel).comparison.evidence
+    return execute(PLAN, "carry", fast_kernel).comparison.evidence
 
 
 @cache
@@ -48,7 +48,7 @@ def judged(
 ) -> CapturedRun:
     write_session(path / "a.sr", seen_by(probes, ppm, BEFORE_S), rate_hz)
     judge = judge or CaptureJudge(maps=MAPS)
-    return judge_capture(read_capture(path / "a.sr"), ROBOT, "carry", MOTION.trajectory, judge)
+    return judge_capture(read_capture(path / "a.sr"), ROBOT, "carry", PLAN.motion, judge)
 
 
 def changed(probes: list[Probe], index: int, times_s: FloatArray) -> list[Probe]:

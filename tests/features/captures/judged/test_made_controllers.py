@@ -35,8 +35,8 @@ def judged(
     random = np.random.default_rng(seed)
     start = np.where(random.random(len(AXES)) < 0.5, 0.0, random.uniform(-20.0, 20.0, len(AXES)))
     top = 4000.0 / float(np.abs(ROBOT.steps_per_unit).max())
-    motion = Moves.random(random, AXES, moves, start, top, 4.0 * top, reach=5.0 * moves)
-    made = motion if slower == 1.0 else motion.at_other_rates(slower)
+    law = Moves.random(random, AXES, moves, start, top, 4.0 * top, reach=5.0 * moves)
+    made = law if slower == 1.0 else law.at_other_rates(slower)
     steps = made_steps(made, ROBOT.steps_per_unit, rule, random)
     axis = int(np.argmax([each.time_s.size for each in steps]))
     wrong = [0] * len(AXES)
@@ -47,7 +47,7 @@ def judged(
     capture = captured([clock.sees(each, random) for each in steps], clock.rate_hz)
     tolerance = SEGMENTS_TOLERANCE_STEPS if rule == SEGMENTS else TOLERANCE_STEPS
     judge = CaptureJudge(maps=MAPS, driver_profile="tmc2209", tolerance_steps=tolerance)
-    return judge_capture(capture, ROBOT, "made", motion, judge), wrong
+    return judge_capture(capture, ROBOT, "made", law.motion, judge), wrong
 
 
 def faulty(steps: Steps, fault: int) -> Steps:

@@ -75,7 +75,7 @@ def test_the_static_margin_is_what_is_asked_for(thirty: CompiledProgram) -> None
 def test_a_run_with_motors_keeps_step_and_one_by_the_joints_alone_does_not(thirty: CompiledProgram) -> None:
     ends = []
     for program in (thirty, compiled("")):
-        outcome = execute(plan(ROBOT, program.trajectory), "pick")
+        outcome = execute(plan(ROBOT, program.motion), "pick")
         verdict = motors_of_run(ROBOT, outcome.comparison).verdict
         ends.append(verdict.kept_step)
     assert ends == [True, False]
@@ -84,7 +84,7 @@ def test_a_run_with_motors_keeps_step_and_one_by_the_joints_alone_does_not(thirt
 @pytest.mark.slow
 def test_less_torque_left_is_faster_and_more_is_slower(thirty: CompiledProgram) -> None:
     slow = compiled(LIMITS.format(left=60))
-    assert slow.trajectory.duration_s > 1.2 * thirty.trajectory.duration_s
+    assert slow.motion.duration_s > 1.2 * thirty.motion.duration_s
     assert slow.steps[0].drives is not None
     assert slow.steps[0].drives.left_percent >= 59.0
 
@@ -186,16 +186,16 @@ class TestForecast:
 
     @pytest.mark.slow
     def test_three_answers(self, thirty: CompiledProgram) -> None:
-        fast = motor_forecast(ROBOT, compiled("").trajectory)
+        fast = motor_forecast(ROBOT, compiled("").motion)
         assert fast is not None
         assert "th2's motor needs " in fast
         assert "its rotor will slip" in fast
-        assert motor_forecast(ROBOT, thirty.trajectory) is None
-        close = motor_forecast(ROBOT, compiled(LIMITS.format(left=10)).trajectory)
+        assert motor_forecast(ROBOT, thirty.motion) is None
+        close = motor_forecast(ROBOT, compiled(LIMITS.format(left=10)).motion)
         assert close is not None
         assert "more than the usual 70 %: its rotor may slip" in close
 
     def test_nothing_of_a_robot_without_motors(self) -> None:
         robot = load_robot("turntable")
         program = compile_program(read_program(str(ROOT / "docs" / "programs" / "turntable.toml")), robot)
-        assert motor_forecast(robot, program.trajectory) is None
+        assert motor_forecast(robot, program.motion) is None

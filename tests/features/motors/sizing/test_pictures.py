@@ -66,4 +66,4 @@ def test_the_tool_is_drawn_where_it_is_planned_counted_and_reached(ran: MotorRun
     apart = np.linalg.norm(ran.paths.reached[:, :3] - ran.paths.planned[:, :3], axis=1)
     assert reached.max() == pytest.approx(apart.max())
     assert len(attitude.get_lines()) == 2
-    assert comparison.expected.trajectory.duration_s < path.figure.axes[1].get_xlim()[1]
+    assert comparison.expected.motion.duration_s < path.figure.axes[1].get_xlim()[1]

@@ -4,7 +4,7 @@ import numpy as np
 
 from steptwin import load_robot
 from steptwin.host.planning.motions.composer import Composer
-from steptwin.host.planning.motions.stretched import Stretched
+from steptwin.host.planning.motions.stretched import stretched
 from steptwin.host.planning.planner import plan
 from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.verify import Comparison
@@ -15,4 +15,4 @@ def shoulder_turn(stretch: float = 1.0) -> Comparison:
     robot = load_robot("teaching-scara")
     motion = Composer(robot, np.array(robot.home))
     motion.go_some({"th1": 30.0})
-    return execute(plan(robot, Stretched.by(motion.sequence(), stretch)), "turn").comparison
+    return execute(plan(robot, stretched(motion.sequence(), stretch)), "turn").comparison

@@ -80,8 +80,8 @@ def test_the_answer_says_where_and_why_the_first_rotor_slips(ran: MotorRun, comp
         slipped = replace(ran.trace, first_slip_counts=counts, lost_full_steps=lost)
         return motor_verdict(ran.driving, comparison, given, slipped, ran.verdict.tool).answer
 
-    trajectory = comparison.expected.trajectory
-    at_rest = zip(trajectory.joint_names, trajectory.positions(np.array([0.25]))[0], strict=True)
+    motion = comparison.expected.motion
+    at_rest = zip(motion.joint_names, motion.positions(np.array([0.25]))[0], strict=True)
     place = ", ".join(f"{name} {position:.3f}" for name, position in at_rest)
     first = f"LOSES STEPS, in the end 8 full steps of th1, 4 full steps of d3: d3 slips first, at 0.250 s and {place}, "
     assert answer(-0.45, 0.5, None, 0.25, None) == (

@@ -32,10 +32,10 @@ def test_a_rotor_that_slips_is_named(standing: Plan, fast_kernel: Kernel) -> Non
     board = BoardUnderTest(robot, kernel=fast_kernel, extras=[MotorOptions(motors=True)])
     master = Master(board, "th1")
     master.enable()
-    assert not any("slips" in reason for reason in board.verify(standing.trajectory).reasons)
+    assert not any("slips" in reason for reason in board.verify(standing.motion).reasons)
     master.move_to(5.0, 0.3)
     assert board.slipped()["th1"] != 0
-    (said,) = [reason for reason in board.verify(standing.trajectory).reasons if "slips" in reason]
+    (said,) = [reason for reason in board.verify(standing.motion).reasons if "slips" in reason]
     assert said.startswith("th1: ")
     assert said.endswith(f"ends {abs(board.slipped()['th1'])} full steps away")
 

@@ -726,7 +726,7 @@ def test_a_job_is_looked_at_before_it_can_be_run(on_page: OnPage) -> None:
         (command,) = rig.asked
         assert isinstance(command, RunMotion)
         assert (command.name, command.repeat, command.approach) == ("spiral", 3, True)
-        assert command.plan.trajectory.duration_s == pytest.approx(18.8)
+        assert command.plan.motion.duration_s == pytest.approx(18.8)
         rig.find("tool's angle psi", ui.number).set_value(10.0)  # another motion than the one that was seen
         assert not rig.find("Run").enabled
 
@@ -838,7 +838,7 @@ def test_a_file_in_radians_is_questioned_and_can_be_read_so(on_page: OnPage) -> 
         await rig.until(lambda: rig.find("Run").enabled)
         assert not rig.shows("fits, too")
         await rig.click("Run")
-        assert rig.asked[-1].plan.trajectory.positions(np.array([3.0]))[0, 1] == pytest.approx(28.6479, abs=1e-4)
+        assert rig.asked[-1].plan.motion.positions(np.array([3.0]))[0, 1] == pytest.approx(28.6479, abs=1e-4)
 
     on_page(body)
 
@@ -977,7 +977,7 @@ def test_the_pictures_of_a_run_show_its_end_and_its_errors_in_steps(on_page: OnP
         rig.service.kept_results = (Result(1, 0.0, "spiral", True, None, outcome, errors),)
         await rig.look()
         positions, differences = (each.options for each in rig.elements() if isinstance(each, ui.echart))
-        assert positions["series"][0]["data"][-1][0] == pytest.approx(spiral.trajectory.duration_s)
+        assert positions["series"][0]["data"][-1][0] == pytest.approx(spiral.motion.duration_s)
         assert [series["data"][-1] for series in differences["series"]] == [[18.5, 0.25 * i] for i in range(4)]
         assert rig.shows("reported minus planned, steps")
 

@@ -41,7 +41,7 @@ def test_the_plan_and_its_errors_are_those_of_this_process() -> None:
     assert asked == asked_here
     assert np.array_equal(apart.points_units, here.points_units)
     assert np.array_equal(apart.velocities, here.velocities)
-    assert (apart.peaks, apart.trajectory.duration_s) == (here.peaks, here.trajectory.duration_s)
+    assert (apart.peaks, apart.motion.duration_s) == (here.peaks, here.motion.duration_s)
     long = UploadedMotion(ROBOT, "long.csv", b"t,th1,th2,d3,th4\n0,0,0,0,0\n0.1,90,0,0,0\n", 1.0)
     with pytest.raises(InputError) as told_here:
         plan_upload(long)

@@ -32,7 +32,7 @@ def test_a_program_with_its_files() -> None:
     """The robot's file is the machine's own, as if it lay beside the program."""
     for robot in ("teaching-scara.toml", "../../teaching-scara.toml"):
         plan, _ = plan_upload(UploadedMotion(ROBOT, "p.toml", program(robot), None, beside={"park.toml": PARK}))
-        assert plan.trajectory.positions(np.array([2.0]))[0].tolist() == pytest.approx([2.0, 10.0, 0.0, 0.0])
+        assert plan.motion.positions(np.array([2.0]))[0].tolist() == pytest.approx([2.0, 10.0, 0.0, 0.0])
 
 
 def test_what_is_missing_is_named() -> None:
@@ -71,7 +71,7 @@ def test_gcode_alone_and_in_a_program() -> None:
     ]
     plans.append(plan_upload(UploadedMotion(ROBOT, "p.toml", own, None, beside={"part.nc": content}))[0])
     for plan in plans:
-        end = plan.trajectory.positions(np.array([plan.trajectory.duration_s]))
+        end = plan.motion.positions(np.array([plan.motion.duration_s]))
         assert tool_places_mm(make_kinematics(ROBOT), end)[0, :2].tolist() == pytest.approx([x_mm, y_mm + 40])
 
 

@@ -68,7 +68,7 @@ def outcome(spiral: Plan, missing_units: int = 0) -> LiveOutcome:
 def errors_deg(spiral: Plan, made: tuple[Placed, ...]) -> float:
     """Return the greatest difference of a report from the plan at the time where it is placed, in deg or mm."""
     names = range(len(made))
-    planned = [ROBOT.to_units(spiral.trajectory.positions(made[i].t_s))[:, i] for i in names]
+    planned = [ROBOT.to_units(spiral.motion.positions(made[i].t_s))[:, i] for i in names]
     wire = ROBOT.wire_units_per_unit
     return max(float(np.abs(made[i].units - planned[i]).max() / wire[i]) for i in names)
 
@@ -80,7 +80,7 @@ def test_an_exact_run_shows_no_error(spiral: Plan, course: Course, late_s: float
     assert max(np.abs(axis.error_steps).max() for axis in made) < 0.05
     assert errors_deg(spiral, made) < 0.1
     for axis in made:
-        assert axis.t_s[-1] == spiral.trajectory.duration_s
+        assert axis.t_s[-1] == spiral.motion.duration_s
         assert all(before <= after for before, after in pairwise(axis.t_s.tolist()))
 
 
@@ -89,7 +89,7 @@ def test_the_time_of_a_report_is_known_to_20_ms_but_for_ramps(spiral: Plan, cour
     for axis, reports in enumerate(reported(spiral, course)):
         lower_s, upper_s = time_bounds(spiral, reports)
         clock_s = np.array([time_s for time_s, _ in reports.places.items])
-        true_s = np.minimum(course.motion_s(clock_s), spiral.trajectory.duration_s)
+        true_s = np.minimum(course.motion_s(clock_s), spiral.motion.duration_s)
         assert (lower_s <= true_s + 1e-9).all(), axis
         assert (true_s <= upper_s + 1e-9).all(), axis
         assert np.median(upper_s - lower_s) < (0.05 if course is HELD_UP else 0.021)
@@ -113,7 +113,7 @@ def test_a_joint_that_stays_behind_shows_by_how_much(spiral: Plan) -> None:
 
 def test_a_run_that_nothing_was_reported_of_has_its_end(spiral: Plan) -> None:
     made = placed(outcome(spiral), tuple(AxisReports() for _ in ROBOT.joints))
-    assert [axis.t_s.tolist() for axis in made] == [[spiral.trajectory.duration_s]] * len(ROBOT.joints)
+    assert [axis.t_s.tolist() for axis in made] == [[spiral.motion.duration_s]] * len(ROBOT.joints)
 
 
 def test_numbers_of_records_go_on_beyond_256_and_old_ones_change_nothing() -> None:

@@ -264,7 +264,7 @@ def test_anybody_pauses_and_stops_a_run_and_the_operator_resumes_it(shared: Virt
     assert done.outcome
     assert all(axis.passed for axis in done.outcome.axes)
     for axis, end in zip(done.placed, done.outcome.axes, strict=True):
-        assert axis.t_s[-1] == done.outcome.plan.trajectory.duration_s
+        assert axis.t_s[-1] == done.outcome.plan.motion.duration_s
         assert axis.units[-1] == end.end_units
         assert np.abs(axis.error_steps).max() < 0.6  # as a run without a pause: a counter is up to 9/16 step behind
     assert max(np.ptp(axis.units) for axis in done.placed) > 10_000

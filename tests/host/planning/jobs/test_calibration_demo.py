@@ -27,6 +27,6 @@ def test_rounded_targets() -> None:
 
 
 def test_d3_peaks_at_12_khz() -> None:
-    trajectory = make_job(ROBOT, "demo", {})
-    assert trajectory.velocities(np.array([1.0]))[0, 2] * ROBOT.steps_per_unit[2] == pytest.approx(12_000)
-    plan(ROBOT, trajectory)
+    motion = make_job(ROBOT, "demo", {})
+    assert motion.velocities(np.array([1.0]))[0, 2] * ROBOT.steps_per_unit[2] == pytest.approx(12_000)
+    plan(ROBOT, motion)

@@ -5,8 +5,8 @@ import pytest
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from tests.host.complaints import complaint_of
@@ -35,7 +35,7 @@ GOLDEN_QUINTIC = {
 """th1, th2, th4 at step k of 66 in 0.99 s."""
 
 
-def carry(**options: str) -> Trajectory:
+def carry(**options: str) -> Motion:
     return make_job(ROBOT, "carry", options)
 
 
@@ -61,8 +61,8 @@ def test_golden_points_of_the_quintic() -> None:
     ],
 )
 def test_peak_speeds_are_half_way(options: dict[str, str], peaks_deg_s: tuple[float, ...]) -> None:
-    trajectory = carry(**options)
-    speeds = np.abs(trajectory.velocities(np.linspace(0.0, trajectory.duration_s, 2001)))
+    motion = carry(**options)
+    speeds = np.abs(motion.velocities(np.linspace(0.0, motion.duration_s, 2001)))
     assert speeds.max(axis=0)[[0, 1, 3]] == pytest.approx(peaks_deg_s, abs=1e-6)
     assert np.argmax(speeds[:, 1]) == 1000
 
@@ -80,40 +80,40 @@ def test_the_papers_goal_belongs_to_another_arm() -> None:
 
 
 def test_repetitions_go_forth_and_back() -> None:
-    trajectory = carry(repetitions="3")
-    assert trajectory.duration_s == 5.0
-    ends = trajectory.positions(np.arange(6.0))
+    motion = carry(repetitions="3")
+    assert motion.duration_s == 5.0
+    ends = motion.positions(np.arange(6.0))
     assert ends[::2] == pytest.approx(np.tile(ends[0], (3, 1)))
     assert ends[1::2] == pytest.approx(np.tile(ends[1], (3, 1)))
-    assert trajectory.output_changes == ()
+    assert motion.output_changes == ()
 
 
 def test_the_gripper_switches_only_when_lowered() -> None:
-    trajectory = carry(depth_mm="20", repetitions="2")
-    assert [(s.output, s.on) for s in trajectory.output_changes] == [("gripper", True), ("gripper", False)] * 2
-    for switching in trajectory.output_changes:
+    motion = carry(depth_mm="20", repetitions="2")
+    assert [(s.output, s.on) for s in motion.output_changes] == [("gripper", True), ("gripper", False)] * 2
+    for switching in motion.output_changes:
         t_s = np.linspace(switching.from_s, switching.until_s, 50)
-        assert trajectory.positions(t_s)[:, 2] == pytest.approx(np.full(50, 20.0))
-        assert np.abs(trajectory.velocities(t_s)).max() < 1e-9
-    carried_s = np.linspace(trajectory.output_changes[0].until_s, trajectory.output_changes[1].from_s, 1000)
-    turning = np.abs(trajectory.velocities(carried_s)[:, 0]) > 1e-6
-    assert np.abs(trajectory.positions(carried_s)[turning, 2]).max() < 1e-9  # carried at the top
-    plan(ROBOT, trajectory)
+        assert motion.positions(t_s)[:, 2] == pytest.approx(np.full(50, 20.0))
+        assert np.abs(motion.velocities(t_s)).max() < 1e-9
+    carried_s = np.linspace(motion.output_changes[0].until_s, motion.output_changes[1].from_s, 1000)
+    turning = np.abs(motion.velocities(carried_s)[:, 0]) > 1e-6
+    assert np.abs(motion.positions(carried_s)[turning, 2]).max() < 1e-9  # carried at the top
+    plan(ROBOT, motion)
 
 
-def entered(**options: str) -> Trajectory:
+def entered(**options: str) -> Motion:
     return make_job(ROBOT, "carry", {"from": "150,60", "to": "100,-50", **options})
 
 
 @pytest.mark.parametrize(("elbow", "sign"), [("right", 1.0), ("left", -1.0)])
 @pytest.mark.parametrize("law", ["cubic", "quintic"])
 def test_points_are_entered_and_reached_by_either_arm(elbow: str, sign: float, law: str) -> None:
-    trajectory = entered(elbow=elbow, law=law, duration_s="2")
-    joints = trajectory.positions(np.array([0.0, 1.0, 2.0]))
+    motion = entered(elbow=elbow, law=law, duration_s="2")
+    joints = motion.positions(np.array([0.0, 1.0, 2.0]))
     assert SCARA.forward(joints[[0, 2]]) == pytest.approx(np.array([[150, 60, -40, 0], [100, -50, -40, 0]]), abs=1e-9)
     assert (np.sign(joints[:, 1]) == sign).all()
     assert joints[1] == pytest.approx((joints[0] + joints[2]) / 2)
-    plan(ROBOT, trajectory)
+    plan(ROBOT, motion)
 
 
 def test_one_point_may_stay_the_papers() -> None:

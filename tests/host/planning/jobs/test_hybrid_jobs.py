@@ -7,8 +7,8 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.jobs.hybrid_jobs import five_poses
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
@@ -40,7 +40,7 @@ GOLDEN_POINTS = """
 """Rows of X, Y, Z, th1, Z5, Z6 at 0, 288, 576, 864 and 1152 degrees around the helix: every fifth of its four turns."""
 
 
-def helix(**options: str) -> Trajectory:
+def helix(**options: str) -> Motion:
     return make_job(ROBOT, "helix", options)
 
 
@@ -90,22 +90,22 @@ def test_too_fast_a_helix_is_refused() -> None:
         plan(ROBOT, helix(duration_s="15"))
 
 
-def five_points_of(robot: Robot, **options: str) -> tuple[Trajectory, FloatArray]:
+def five_points_of(robot: Robot, **options: str) -> tuple[Motion, FloatArray]:
     """Return the job and the joints at its rests, of shape (points, 4), in order of time."""
-    trajectory = make_job(robot, "five-points", options)
-    t_s = np.arange(0.0, trajectory.duration_s, 0.01)
-    resting = t_s[np.abs(trajectory.velocities(t_s)).max(axis=1) == 0]
-    joints = trajectory.positions(resting).round(6)
-    return trajectory, joints[np.concatenate([[True], np.abs(np.diff(joints, axis=0)).max(axis=1) > 1e-3])]
+    motion = make_job(robot, "five-points", options)
+    t_s = np.arange(0.0, motion.duration_s, 0.01)
+    resting = t_s[np.abs(motion.velocities(t_s)).max(axis=1) == 0]
+    joints = motion.positions(resting).round(6)
+    return motion, joints[np.concatenate([[True], np.abs(np.diff(joints, axis=0)).max(axis=1) > 1e-3])]
 
 
 def test_the_five_points_are_on_the_helix() -> None:
-    trajectory, visited = five_points_of(ROBOT)
+    motion, visited = five_points_of(ROBOT)
     rows = np.array([line.split() for line in GOLDEN_POINTS.split("\n")[1:-1]], dtype=np.float64)
     assert visited == pytest.approx(np.column_stack([rows[:, 3:], -rows[:, 3]]), abs=1.1e-6)
     assert ARM.forward(visited)[:, :3] == pytest.approx(rows[:, :3], abs=1e-5)
     assert helix().positions(np.linspace(0.0, 64.0, 5)) == pytest.approx(visited, abs=1.1e-6)
-    plan(ROBOT, trajectory)
+    plan(ROBOT, motion)
 
 
 def test_the_helix_is_an_option_of_both() -> None:
@@ -130,9 +130,9 @@ def test_more_samples_than_milliseconds_are_refused() -> None:
 def test_other_dimensions_have_points_of_their_own() -> None:
     """Screws 200 mm apart, links of 240 mm, 200 mm out to the tool: the loop of the mechanism closes at the joints."""
     robot = with_geometry(ROBOT, h_mm=100.0, L_mm=240.0, l3_mm=200.0, z2_max_mm=130.0)
-    trajectory, visited = five_points_of(robot)
+    motion, visited = five_points_of(robot)
     poses = five_poses(robot)
     assert len(np.unique(poses.round(3), axis=0)) == len(visited) == 5
     assert LoopClosure.of(robot).driven_at_the_joints(visited).poses == pytest.approx(poses, abs=1e-5)
-    plan(robot, trajectory)
+    plan(robot, motion)
     plan(robot, make_job(robot, "helix", {}))

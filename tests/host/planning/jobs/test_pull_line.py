@@ -8,8 +8,8 @@ import pytest
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import job_names, job_options, make_job
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from tests.host.complaints import complaint_of
@@ -38,7 +38,7 @@ LEFT_TABLE = [
 ]
 
 
-def pull(**options: str) -> Trajectory:
+def pull(**options: str) -> Motion:
     return make_job(ROBOT, "pull-line", options)
 
 
@@ -91,10 +91,10 @@ def test_poses_from_whole_steps() -> None:
 
 def test_speeds() -> None:
     """The reference figures are means over 10 ms; the highest speed, at the end of a ramp, is slightly above."""
-    trajectory = pull()
-    means = np.abs(np.diff(trajectory.positions(SAMPLES_S), axis=0)).max(axis=0) / 0.01
+    motion = pull()
+    means = np.abs(np.diff(motion.positions(SAMPLES_S), axis=0)).max(axis=0) / 0.01
     assert means[3:] == pytest.approx([6.088993, 5.056419, 5.387523], abs=1e-6)
-    momentary = np.abs(trajectory.velocities(np.arange(10_001) / 1000)).max(axis=0)
+    momentary = np.abs(motion.velocities(np.arange(10_001) / 1000)).max(axis=0)
     assert np.all(momentary[3:] > means[3:])
     assert momentary[3:] == pytest.approx(means[3:], rel=2e-3)
 
@@ -109,13 +109,13 @@ def test_in_one_second_it_is_ten_times_as_fast() -> None:
 
 @pytest.mark.parametrize("elbow", ["right", "left"])
 def test_velocities_are_the_derivatives(elbow: str) -> None:
-    trajectory = pull(elbow=elbow)
-    t_s = np.setdiff1d(SAMPLES_S[1:-1], trajectory.breakpoints_s)
+    motion = pull(elbow=elbow)
+    t_s = np.setdiff1d(SAMPLES_S[1:-1], motion.breakpoints_s)
     h = 1e-4
-    differences = (trajectory.positions(t_s + h) - trajectory.positions(t_s - h)) / (2 * h)
-    assert trajectory.velocities(t_s) == pytest.approx(differences, abs=1e-6)
-    assert np.abs(trajectory.velocities(np.array([0.0, 10.0]))).max() == 0.0
-    assert trajectory.breakpoints_s == (2.0, 8.0)
+    differences = (motion.positions(t_s + h) - motion.positions(t_s - h)) / (2 * h)
+    assert motion.velocities(t_s) == pytest.approx(differences, abs=1e-6)
+    assert np.abs(motion.velocities(np.array([0.0, 10.0]))).max() == 0.0
+    assert motion.breakpoints_s == (2.0, 8.0)
 
 
 def test_the_elbow_opens_until_the_wrist_passes_the_shoulder() -> None:
@@ -145,8 +145,8 @@ def test_an_arc_cosine_for_the_wrist_direction_fails_the_pull() -> None:
 
 class TestOptions:
     def test_slides_and_lift_shift_the_pull(self) -> None:
-        trajectory = pull(sx_mm="1000", sz_mm="250.5", L1_mm="150")
-        joints = trajectory.positions(SAMPLES_S)
+        motion = pull(sx_mm="1000", sz_mm="250.5", L1_mm="150")
+        joints = motion.positions(SAMPLES_S)
         assert np.abs(joints[:, :3] - [1000.0, 250.5, 150.0]).max() < 1e-9
         assert joints[:, 3:] == pytest.approx(pull().positions(SAMPLES_S)[:, 3:], abs=1e-9)
         assert SCARA.forward(joints[:1])[0] == pytest.approx([1275.0, 169.903810568, 360.5, 90.0])
@@ -195,8 +195,8 @@ class TestOptions:
         ("name", "value"), [("L1_mm", "200"), ("L1_mm", "50"), ("ramp_s", "5"), ("sx_mm", "2e3"), ("duration_s", "600")]
     )
     def test_the_ends_of_the_ranges(self, name: str, value: str) -> None:
-        trajectory = pull(**{name: value})
-        assert np.isfinite(trajectory.positions(np.array([0.0, trajectory.duration_s]))).all()
+        motion = pull(**{name: value})
+        assert np.isfinite(motion.positions(np.array([0.0, motion.duration_s]))).all()
 
     def test_an_unknown_job(self) -> None:
         with refusing(InputError):
@@ -221,8 +221,8 @@ def test_a_kind_without_jobs() -> None:
 
 @pytest.mark.parametrize(("compartments", "way_mm"), [("1", 60.0), ("2", 120.0), ("3", 180.0)])
 def test_the_drawer_comes_out_by_compartments(compartments: str, way_mm: float) -> None:
-    trajectory = pull(compartments=compartments, duration_s="8")
-    ends = SCARA.forward(trajectory.positions(np.array([0.0, 8.0])))
+    motion = pull(compartments=compartments, duration_s="8")
+    ends = SCARA.forward(motion.positions(np.array([0.0, 8.0])))
     assert ends[1] - ends[0] == pytest.approx([0.0, -way_mm, 0.0, 0.0], abs=1e-9)
     half = SCARA.forward(pull(compartments=compartments, travel_mm="90").positions(np.array([10.0])))[0]
     assert half[1] == pytest.approx(169.903810568 - way_mm / 2)

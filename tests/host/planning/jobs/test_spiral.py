@@ -6,8 +6,8 @@ import pytest
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from tests.host.complaints import complaint_of
@@ -37,7 +37,7 @@ GOLDEN_LEFT = {
 }
 
 
-def spiral(**options: str) -> Trajectory:
+def spiral(**options: str) -> Motion:
     return make_job(ROBOT, "spiral", options)
 
 
@@ -103,10 +103,10 @@ def test_between_the_points_it_stays_on_the_spiral() -> None:
 
 
 def test_it_ends_with_the_last_point_at_rest() -> None:
-    trajectory = spiral()
-    assert trajectory.duration_s == 18.8
-    assert trajectory.velocities(np.array([0.0, 18.8])) == pytest.approx(np.zeros((2, 4)), abs=1e-9)
-    assert plan(ROBOT, trajectory).times_ms[-1] == 18_800
+    motion = spiral()
+    assert motion.duration_s == 18.8
+    assert motion.velocities(np.array([0.0, 18.8])) == pytest.approx(np.zeros((2, 4)), abs=1e-9)
+    assert plan(ROBOT, motion).times_ms[-1] == 18_800
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,10 @@ from hypothesis import strategies as st
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.motions.sampled import Sampled, blended_lines
+from steptwin.host.planning.motion import Motion
+from steptwin.host.planning.motions.sampled import Spline, blended_lines
 from tests.host.complaints import complaint_of
+from tests.laws import law_of
 from tests.messages import refusing
 
 NAMES = ("a", "b")
@@ -19,16 +21,16 @@ def change_times_s(changes: FloatArray) -> FloatArray:
     return np.asarray((np.abs(changes) / LIMITS).max(axis=1))
 
 
-def lines(times_s: list[float], first: list[float], at_rest: tuple[bool, bool] = (True, True)) -> Sampled:
+def lines(times_s: list[float], first: list[float], at_rest: tuple[bool, bool] = (True, True)) -> Motion:
     """Return the motion of the first joint through these positions; the second one stands."""
     return blended_lines(
         change_times_s, NAMES, np.array(times_s), np.column_stack([first, np.ones(len(first))]), at_rest
     )
 
 
-def accelerations(motion: Sampled) -> FloatArray:
+def accelerations(motion: Motion) -> FloatArray:
     """Return the accelerations inside each millisecond, of shape (n, joints)."""
-    return motion.accelerations(np.arange(0.0005, motion.duration_s, 0.001))
+    return law_of(motion, Spline).accelerations(np.arange(0.0005, motion.duration_s, 0.001))
 
 
 def test_golden() -> None:

@@ -10,15 +10,16 @@ from hypothesis import strategies as st
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Quintic, Trapezoid
-from steptwin.host.planning.motions.composer import JERK_TIME_S, PACE, SWITCHING_S, Composer
+from steptwin.host.planning.motion import Motion, OutputChange
+from steptwin.host.planning.motions.composer import JERK_TIME_S, PACE, SWITCHING_S, Composer, Sequence
 from steptwin.host.planning.motions.joint_move import JointMove
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.trajectory import OutputChange
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 from tests.host.complaints import complaint_of
+from tests.laws import law_of
 from tests.messages import refusing
 
 WAREHOUSE = load_robot("warehouse-scara")
@@ -37,9 +38,8 @@ def positions(robot: Robot = WAREHOUSE) -> st.SearchStrategy[FloatArray]:
     return st.tuples(*map(inside, robot.joints)).map(np.array)
 
 
-def only_part(moves: Composer) -> JointMove:
-    (part,) = moves.sequence().parts
-    assert isinstance(part, JointMove)
+def only_part(moves: Composer) -> Motion:
+    (part,) = law_of(moves.sequence(), Sequence).parts
     return part
 
 
@@ -50,13 +50,13 @@ def test_joints_go_as_fast_as_their_pace_allows(start: FloatArray, goal: FloatAr
     moves = Composer(WAREHOUSE, start)
     moves.go(goal)
     if np.abs(goal - start).max() < 1e-9:
-        assert moves.sequence().parts == ()
+        assert law_of(moves.sequence(), Sequence).parts == ()
         return
     part = only_part(moves)
     t_s = np.arange(round(1000 * part.duration_s) + 1) / 1000  # the grid contains all breakpoints
     speeds_max = np.array([joint.speed_max for joint in WAREHOUSE.joints])
     accelerations_max = np.array([joint.acceleration_max for joint in WAREHOUSE.joints])
-    accelerations = part.accelerations(t_s)
+    accelerations = law_of(part, JointMove).accelerations(t_s)
     jerks = np.diff(accelerations, axis=0) / 0.001
     used = [
         (np.abs(part.velocities(t_s)) / speeds_max).max(),
@@ -77,7 +77,7 @@ def test_a_long_move_reaches_the_pace() -> None:
     part = only_part(moves)
     assert part.duration_s == pytest.approx(1200.0 / 240.0 + 240.0 / 400.0 + 0.1)
     assert np.abs(part.velocities(np.array([1.0]))[0, 0]) == pytest.approx(240.0)
-    assert np.abs(part.accelerations(np.array([0.3]))[0, 0]) == pytest.approx(400.0)
+    assert np.abs(law_of(part, JointMove).accelerations(np.array([0.3]))[0, 0]) == pytest.approx(400.0)
 
 
 @pytest.mark.slow
@@ -86,7 +86,7 @@ def test_a_move_to_the_present_position_adds_nothing(start: FloatArray, goal: Fl
     """This holds although the end of a move differs from its goal by a rounding error."""
     moves = Composer(WAREHOUSE, start)
     moves.go(start)
-    assert moves.sequence().parts == ()
+    assert law_of(moves.sequence(), Sequence).parts == ()
     moves.go_by(Quintic(1.0, 1.0), goal)
     moves.go(goal)
     moves.go_some({"sx": float(goal[0]), "th3": float(goal[5])})
@@ -110,7 +110,7 @@ def test_some_joints_go_and_the_others_stay() -> None:
 def test_a_move_by_a_given_law() -> None:
     moves = composer(LAB)
     moves.go_by(Quintic(1.0, 1.6), np.array([160.0, 10.0, 40.0, 90.0]))
-    assert only_part(moves).law == Quintic(1.0, 1.6)
+    assert law_of(only_part(moves), JointMove).law == Quintic(1.0, 1.6)
     assert moves.joints.tolist() == [160.0, 10.0, 40.0, 90.0]
 
 
@@ -138,11 +138,11 @@ def test_nothing_jumps_from_move_to_move() -> None:
     moves.pause(0.25)
     moves.go(np.array(WAREHOUSE.home))
     sequence = moves.sequence()
-    meets_s = np.array(sequence.starts_ms[1:-1]) / 1000
+    meets_s = np.array(law_of(sequence, Sequence).starts_ms[1:-1]) / 1000
     assert len(meets_s) == 5
     assert sequence.positions(meets_s - 1e-9) == pytest.approx(sequence.positions(meets_s), abs=1e-9)
     assert np.abs(sequence.velocities(meets_s)).max() == 0.0
-    assert plan(WAREHOUSE, sequence).times_ms[-1] == sequence.starts_ms[-1]
+    assert plan(WAREHOUSE, sequence).times_ms[-1] == law_of(sequence, Sequence).starts_ms[-1]
 
 
 def test_outputs_switch_while_the_machine_waits() -> None:
@@ -188,7 +188,7 @@ def test_an_unknown_output(robot: Robot, output: str, message: str) -> None:
     moves = composer(robot)
     told = complaint_of(lambda: moves.switch(output, on=True))
     assert told == message
-    assert moves.sequence().parts == ()
+    assert law_of(moves.sequence(), Sequence).parts == ()
 
 
 @pytest.mark.parametrize(

@@ -6,19 +6,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steptwin.host.common.errors import InputError
+from steptwin.host.planning.motion import Motion, Wait
 from steptwin.host.planning.motions.composer import WAIT_MAX_S, Composer, Sequence
-from steptwin.host.planning.motions.held import Held, Hold
-from steptwin.host.planning.motions.stretched import Stretched
+from steptwin.host.planning.motions.held import Hold, held
+from steptwin.host.planning.motions.stretched import stretched
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.trajectory import Wait, waits_of
 from steptwin.host.robots import load_robot
 from tests.host.complaints import complaint_of
+from tests.laws import law_of
 from tests.messages import refusing
 
 ROBOT = load_robot("teaching-scara")
 
 
-def motion() -> Sequence:
+def motion() -> Motion:
     """Return a motion that waits at its start, on its way and at its end."""
     composer = Composer(ROBOT, np.array(ROBOT.home))
     composer.wait("part_ready", on=True, timeout_s=2.0)
@@ -38,20 +39,20 @@ WAITS_MS = [round(1000 * wait.at_s) for wait in MOTION.waits]
 @settings(max_examples=50)
 @given(st.lists(st.integers(0, 500), min_size=3, max_size=3))
 def test_each_instant_comes_later_by_what_stood_before_it(stood_ms: list[int]) -> None:
-    held = Held(MOTION, tuple(map(Hold, WAITS_MS, stood_ms)))
+    changed = held(MOTION, tuple(map(Hold, WAITS_MS, stood_ms)))
     end_ms = round(1000 * MOTION.duration_s)
-    assert held.duration_s == (end_ms + sum(stood_ms)) / 1000
+    assert changed.duration_s == (end_ms + sum(stood_ms)) / 1000
     own_ms: list[int] = []  # an instant of the motion for each millisecond, written out
     for ms in range(end_ms + 1):
         own_ms += [ms] * (1 + sum(stood for at, stood in zip(WAITS_MS, stood_ms, strict=True) if at == ms))
     t_s = np.arange(len(own_ms)) / 1000
-    assert np.allclose(held.positions(t_s), MOTION.positions(np.array(own_ms) / 1000), atol=1e-9)
-    assert np.allclose(held.velocities(t_s), MOTION.velocities(np.array(own_ms) / 1000), atol=1e-6)
+    assert np.allclose(changed.positions(t_s), MOTION.positions(np.array(own_ms) / 1000), atol=1e-9)
+    assert np.allclose(changed.velocities(t_s), MOTION.velocities(np.array(own_ms) / 1000), atol=1e-6)
     later_s = (sum(stood_ms[:2])) / 1000
-    (old,), (new,) = MOTION.output_changes, held.output_changes
+    (old,), (new,) = MOTION.output_changes, changed.output_changes
     assert (new.from_s, new.until_s) == pytest.approx((old.from_s + later_s, old.until_s + later_s))
-    assert all(0 < t_s < held.duration_s for t_s in held.breakpoints_s)
-    assert sorted(held.breakpoints_s) == list(held.breakpoints_s)
+    assert all(0 < t_s < changed.duration_s for t_s in changed.breakpoints_s)
+    assert sorted(changed.breakpoints_s) == list(changed.breakpoints_s)
 
 
 def test_the_executed_plan_has_the_records_of_the_plan_and_those_of_the_standstill() -> None:
@@ -64,7 +65,7 @@ def test_the_executed_plan_has_the_records_of_the_plan_and_those_of_the_standsti
             own.displacements_units == [0] * 3 + old.displacements_units[:at] + [0] * 2 + old.displacements_units[at:]
         )
         assert own.end_velocities == [0] * 3 + old.end_velocities[:at] + [0] * 2 + old.end_velocities[at:]
-    at_points = executed.trajectory.positions(executed.times_ms / 1000)
+    at_points = executed.motion.positions(executed.times_ms / 1000)
     assert np.array_equal(ROBOT.to_units(at_points), executed.points_units)
     with refusing(ValueError):
         planned.held([Hold(0, 25)], 10)
@@ -72,18 +73,18 @@ def test_the_executed_plan_has_the_records_of_the_plan_and_those_of_the_standsti
 
 @pytest.mark.parametrize("factor", [0.37, 1.111, 3.0])
 def test_a_stretched_motion_waits_at_rest(factor: float) -> None:
-    stretched = Stretched.by(MOTION, factor)
-    for old, new in zip(MOTION.waits, waits_of(stretched), strict=True):
-        assert new.at_s == pytest.approx(stretched.factor * old.at_s, abs=0.001)
+    slower = stretched(MOTION, factor)
+    for old, new in zip(MOTION.waits, slower.waits, strict=True):
+        assert new.at_s == pytest.approx(slower.duration_s / MOTION.duration_s * old.at_s, abs=0.001)
         assert (round(1000 * new.at_s) / 1000, new.timeout_s, new.place) == (new.at_s, old.timeout_s, old.place)
-        assert not stretched.velocities(np.array([new.at_s])).any()
+        assert not slower.velocities(np.array([new.at_s])).any()
 
 
 def test_a_wait_is_said_and_counted_as_next_to_no_time() -> None:
     assert MOTION.waits[1] == Wait("part_ready", False, MOTION.waits[1].at_s, 3.0, "step 3")
     assert [str(wait) for wait in MOTION.waits] == ["part_ready on", "part_ready off", "part_ready on"]
     assert MOTION.duration_s - MOTION.waits[-1].at_s == pytest.approx(0.01)
-    assert waits_of(MOTION.parts[0]) == ()
+    assert law_of(MOTION, Sequence).parts[0].waits == ()
 
 
 @pytest.mark.parametrize("timeout_s", [0.0, -1.0, WAIT_MAX_S + 1e-3, float("nan")])

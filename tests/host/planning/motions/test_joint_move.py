@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Cubic, Law, Quintic, SCurve, Trapezoid
-from steptwin.host.planning.motions.joint_move import JointMove, limits_along
+from steptwin.host.planning.motions.joint_move import JointMove, joint_move, limits_along
 from steptwin.host.robots import load_robot
+from tests.laws import law_of
 from tests.messages import refusing
 
 ROBOT = load_robot("lab-scara")
@@ -19,16 +20,16 @@ LAWS: list[Law] = [Trapezoid(1.0, 2.0, 0.5), Cubic(1.0, 1.5), Quintic(1.0, 1.5),
 
 @pytest.mark.parametrize("law", LAWS)
 def test_all_joints_are_at_the_same_fraction(law: Law) -> None:
-    move = JointMove(ROBOT.joint_names, START, GOAL, law)
+    move = joint_move(ROBOT.joint_names, START, GOAL, law)
     t_s = np.linspace(0.0, law.duration_s, 101)
     assert move.positions(t_s) == pytest.approx(np.array(START) + np.outer(law.position(t_s), WAY), abs=1e-9)
     assert move.velocities(t_s) == pytest.approx(np.outer(law.velocity(t_s), WAY), abs=1e-9)
-    assert move.accelerations(t_s) == pytest.approx(np.outer(law.acceleration(t_s), WAY), abs=1e-9)
+    assert law_of(move, JointMove).accelerations(t_s) == pytest.approx(np.outer(law.acceleration(t_s), WAY), abs=1e-9)
 
 
 @pytest.mark.parametrize("law", LAWS)
 def test_it_goes_from_start_to_goal_at_rest(law: Law) -> None:
-    move = JointMove(ROBOT.joint_names, START, GOAL, law)
+    move = joint_move(ROBOT.joint_names, START, GOAL, law)
     ends_s = np.array([0.0, move.duration_s])
     assert move.positions(ends_s).tolist() == [list(START), list(GOAL)]
     assert np.abs(move.velocities(ends_s)).max() == 0.0
@@ -38,7 +39,7 @@ def test_it_goes_from_start_to_goal_at_rest(law: Law) -> None:
 @pytest.mark.parametrize("distance", [0.0, 0.5, -1.0, 90.0, np.nan])
 def test_a_law_of_another_distance_is_refused(distance: float) -> None:
     with refusing(InputError):
-        JointMove(ROBOT.joint_names, START, GOAL, Cubic(distance, 1.0))
+        joint_move(ROBOT.joint_names, START, GOAL, Cubic(distance, 1.0))
 
 
 @pytest.mark.parametrize(

@@ -5,19 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.motion import Motion
+from steptwin.host.planning.motions.composer import Sequence
+from steptwin.host.planning.motions.sampled import hermite_spline
 from steptwin.host.planning.trajectory_file.file_motion import shortest_ramps_s, with_ramps
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.coupling import Coupling
 from tests.host.complaints import complaint_of
+from tests.laws import law_of
 
 ROBOT = load_robot("teaching-scara")
 NAMES = ("a", "b")
 
 
-def moving(start: tuple[float, float], end: tuple[float, float]) -> Sampled:
+def moving(start: tuple[float, float], end: tuple[float, float]) -> Motion:
     """Return a motion of one second with these velocities at its ends."""
-    return Sampled.hermite(NAMES, np.array([0.0, 1.0]), np.array([[0.0, 5.0], [10.0, 6.0]]), np.array([start, end]))
+    return hermite_spline(NAMES, np.array([0.0, 1.0]), np.array([[0.0, 5.0], [10.0, 6.0]]), np.array([start, end]))
 
 
 def test_a_ramp_goes_straight_on_at_constant_acceleration() -> None:
@@ -34,8 +37,8 @@ def test_a_ramp_goes_straight_on_at_constant_acceleration() -> None:
 
 
 def test_an_end_at_rest_gets_none() -> None:
-    assert with_ramps(moving((0.0, 0.0), (1.0, 0.0)), 0.25).starts_ms == (0, 1000, 1250)
-    assert with_ramps(moving((0.0, 1e-6), (0.0, 1e-10)), 0.25).starts_ms == (0, 250, 1250)
+    assert law_of(with_ramps(moving((0.0, 0.0), (1.0, 0.0)), 0.25), Sequence).starts_ms == (0, 1000, 1250)
+    assert law_of(with_ramps(moving((0.0, 1e-6), (0.0, 1e-10)), 0.25), Sequence).starts_ms == (0, 250, 1250)
 
 
 @pytest.mark.parametrize(
@@ -54,11 +57,11 @@ def test_refused(ramps_s: float, end: float) -> None:
 def test_the_shortest_within_the_limits_of_joints_and_axes() -> None:
     """th1 of the classroom robot has 1000 deg/s^2; an axis that turns with it in full adds up both speeds."""
     velocities = np.array([[200.5, 150.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0]])
-    motion = Sampled.hermite(ROBOT.joint_names, np.array([0.0, 1.0]), np.full((2, 4), 20.0), velocities)
+    motion = hermite_spline(ROBOT.joint_names, np.array([0.0, 1.0]), np.full((2, 4), 20.0), velocities)
     assert shortest_ramps_s(ROBOT, motion) == 0.201
     assert shortest_ramps_s(ROBOT, motion, 2.0) == 0.051
     coupled = replace(ROBOT, coupling=Coupling.of(ROBOT.joint_names, {"th2": {"th1": 1.0}}))
     summed_s = 350.5 / coupled.axis_accelerations_max[1]
     assert shortest_ramps_s(coupled, motion) == np.ceil(1000 * max(summed_s, 0.2005)) / 1000
-    at_rest = Sampled.hermite(ROBOT.joint_names, np.array([0.0, 1.0]), np.full((2, 4), 20.0), np.zeros((2, 4)))
+    at_rest = hermite_spline(ROBOT.joint_names, np.array([0.0, 1.0]), np.full((2, 4), 20.0), np.zeros((2, 4)))
     assert shortest_ramps_s(ROBOT, at_rest) == 0.0

@@ -10,22 +10,30 @@ from scipy.interpolate import Akima1DInterpolator
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.motions.sampled import AKIMA_POINTS_MIN, Sampled, check_times
-from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.planning.motion import Motion
+from steptwin.host.planning.motions.sampled import (
+    AKIMA_POINTS_MIN,
+    Spline,
+    akima_spline,
+    c2_spline,
+    check_times,
+    hermite_spline,
+)
 from tests.host.complaints import complaint_of
+from tests.laws import law_of
 from tests.messages import refusing
 
 NAMES = ("a", "b")
 FACTORIES = ("c2_spline", "akima")
 
 
-def made(factory: str, times_s: FloatArray, positions: FloatArray) -> Sampled:
-    makers = {"c2_spline": Sampled.c2_spline, "akima": Sampled.akima, "hermite": at_rest_everywhere}
+def made(factory: str, times_s: FloatArray, positions: FloatArray) -> Motion:
+    makers = {"c2_spline": c2_spline, "akima": akima_spline, "hermite": at_rest_everywhere}
     return makers[factory](NAMES[: positions.shape[1]], times_s, positions)
 
 
-def at_rest_everywhere(names: tuple[str, ...], times_s: FloatArray, positions: FloatArray) -> Sampled:
-    return Sampled.hermite(names, times_s, positions, np.zeros_like(positions))
+def at_rest_everywhere(names: tuple[str, ...], times_s: FloatArray, positions: FloatArray) -> Motion:
+    return hermite_spline(names, times_s, positions, np.zeros_like(positions))
 
 
 @st.composite
@@ -49,7 +57,7 @@ class TestEveryKind:
         self, factory: str, points: tuple[FloatArray, FloatArray]
     ) -> None:
         times_s, positions = points
-        motion: Trajectory = made(factory, times_s, positions)
+        motion: Motion = made(factory, times_s, positions)
         assert motion.joint_names == NAMES
         assert motion.duration_s == times_s[-1]
         assert motion.output_changes == ()
@@ -73,7 +81,9 @@ class TestEveryKind:
         size = np.abs(positions).max() / gaps_s.min()
         assert motion.velocities(t_s) == pytest.approx((4 * narrow - wide) / 3, abs=1e-10 * size + 1e-12)
         slope = (motion.velocities(t_s + h_s) - motion.velocities(t_s - h_s)) / (2 * h_s[:, np.newaxis])
-        assert motion.accelerations(t_s) == pytest.approx(slope, abs=1e-10 * size / gaps_s.min() + 1e-12)
+        assert law_of(motion, Spline).accelerations(t_s) == pytest.approx(
+            slope, abs=1e-10 * size / gaps_s.min() + 1e-12
+        )
 
     @pytest.mark.slow
     @pytest.mark.parametrize("factory", [*FACTORIES, "hermite"])
@@ -82,14 +92,14 @@ class TestEveryKind:
         times_s, positions = points
         motion = made(factory, times_s, positions)
         near = np.concatenate([times_s[:-1], np.nextafter(times_s[1:], 0.0)])  # each point from both sides
-        at_points = np.abs(motion.accelerations(near)).max(axis=0)
-        between = np.abs(motion.accelerations(np.linspace(0.0, times_s[-1], 301))).max(axis=0)
+        at_points = np.abs(law_of(motion, Spline).accelerations(near)).max(axis=0)
+        between = np.abs(law_of(motion, Spline).accelerations(np.linspace(0.0, times_s[-1], 301))).max(axis=0)
         assert np.all(between <= at_points * (1 + 1e-9) + 1e-9)
 
     @pytest.mark.parametrize("factory", [*FACTORIES, "hermite"])
     def test_shapes(self, factory: str) -> None:
         motion = made(factory, np.array([0.0, 0.5, 1.0]), np.ones((3, 2)))
-        for function in (motion.positions, motion.velocities, motion.accelerations):
+        for function in (motion.positions, motion.velocities, law_of(motion, Spline).accelerations):
             assert function(np.linspace(0.0, 1.0, 7)).shape == (7, 2)
             assert function(np.zeros(0)).shape == (0, 2)
 
@@ -108,19 +118,21 @@ class TestC2Spline:
     def test_acceleration_does_not_jump(self, points: tuple[FloatArray, FloatArray]) -> None:
         """Its value from the left is extrapolated from the piece before, in which it is a straight line."""
         times_s, positions = points
-        motion = Sampled.c2_spline(NAMES, times_s, positions)
+        motion = c2_spline(NAMES, times_s, positions)
         before, middle = times_s[:-2], (times_s[:-2] + times_s[1:-1]) / 2
-        from_the_left = 2 * motion.accelerations(middle) - motion.accelerations(before)
+        from_the_left = 2 * law_of(motion, Spline).accelerations(middle) - law_of(motion, Spline).accelerations(before)
         size = np.abs(positions).max() / np.diff(times_s).min() ** 2
-        assert motion.accelerations(times_s[1:-1]) == pytest.approx(from_the_left, abs=1e-10 * size + 1e-12)
+        assert law_of(motion, Spline).accelerations(times_s[1:-1]) == pytest.approx(
+            from_the_left, abs=1e-10 * size + 1e-12
+        )
         assert motion.breakpoints_s == ()
 
     def test_two_points_are_one_cubic(self) -> None:
-        motion = Sampled.c2_spline(("a",), np.array([0.0, 2.0]), np.array([[1.0], [5.0]]))
+        motion = c2_spline(("a",), np.array([0.0, 2.0]), np.array([[1.0], [5.0]]))
         u = np.linspace(0.0, 1.0, 9)
         assert motion.positions(2 * u)[:, 0] == pytest.approx(1 + 4 * (3 * u**2 - 2 * u**3))
         assert motion.velocities(np.array([1.0]))[0, 0] == pytest.approx(3.0)
-        assert motion.accelerations(np.array([0.0, 2.0]))[:, 0] == pytest.approx([6.0, -6.0])
+        assert law_of(motion, Spline).accelerations(np.array([0.0, 2.0]))[:, 0] == pytest.approx([6.0, -6.0])
 
     def test_four_points_solved_by_hand(self) -> None:
         """Two equations, h1 m0 + 2 (h0 + h1) m1 + h0 m2 = 3 (h1 d0 + h0 d1) and the next, with Cramer's rule."""
@@ -137,7 +149,7 @@ class TestC2Spline:
             (diagonal[0] * right[1] - h[2] * right[0]) / determinant,
             Fraction(0),
         ]
-        motion = Sampled.c2_spline(("a",), np.array(t, dtype=float), np.array(y, dtype=float)[:, np.newaxis])
+        motion = c2_spline(("a",), np.array(t, dtype=float), np.array(y, dtype=float)[:, np.newaxis])
         assert motion.velocities(np.array(t, dtype=float))[:, 0] == pytest.approx(np.array(slopes, dtype=float))
         for i in range(3):
             for u in (Fraction(1, 7), Fraction(1, 2), Fraction(9, 10)):
@@ -151,7 +163,7 @@ class TestC2Spline:
 
     def test_inner_times_may_be_anything(self) -> None:
         times_s = np.array([0.0, 1 / 3, 0.77777, 1.0])
-        motion = Sampled.c2_spline(("a",), times_s, np.array([[0.0], [1.0], [2.0], [3.0]]))
+        motion = c2_spline(("a",), times_s, np.array([[0.0], [1.0], [2.0], [3.0]]))
         assert motion.positions(times_s)[:, 0] == pytest.approx([0.0, 1.0, 2.0, 3.0])
         assert motion.breakpoints_s == ()
 
@@ -163,18 +175,18 @@ class TestAkima:
         times_s, positions = points
         inside_s = np.linspace(times_s[1], times_s[-2], 101)
         expected = Akima1DInterpolator(times_s, positions)(inside_s)
-        assert Sampled.akima(NAMES, times_s, positions).positions(inside_s) == pytest.approx(expected, abs=1e-9)
+        assert akima_spline(NAMES, times_s, positions).positions(inside_s) == pytest.approx(expected, abs=1e-9)
 
     def test_does_not_overshoot_beside_a_step(self) -> None:
         """A C2 spline overshoots there; Akima's slopes avoid it."""
         times_s = np.arange(9.0)
         step = np.where(times_s < 4.5, 0.0, 10.0)[:, np.newaxis]
         rest_s = np.linspace(0.0, 3.0, 100)
-        assert Sampled.akima(("a",), times_s, step).positions(rest_s) == pytest.approx(0.0, abs=1e-12)
-        assert np.abs(Sampled.c2_spline(("a",), times_s, step).positions(rest_s)).max() > 0.1
+        assert akima_spline(("a",), times_s, step).positions(rest_s) == pytest.approx(0.0, abs=1e-12)
+        assert np.abs(c2_spline(("a",), times_s, step).positions(rest_s)).max() > 0.1
 
     def test_inner_points_are_breakpoints(self) -> None:
-        motion = Sampled.akima(("a",), np.array([0.0, 0.1, 0.3, 0.7, 1.0]), np.zeros((5, 1)))
+        motion = akima_spline(("a",), np.array([0.0, 0.1, 0.3, 0.7, 1.0]), np.zeros((5, 1)))
         assert motion.breakpoints_s == (0.1, 0.3, 0.7)
 
     def test_takes_three_points(self) -> None:
@@ -189,9 +201,9 @@ class TestHermite:
         cubics = [np.polynomial.Polynomial([3.0, -2.0, 5.0, -1.5]), np.polynomial.Polynomial([-1.0, 0.0, 0.0, 4.0])]
         times_s = np.array([0.0, 0.125, 0.7, 0.701, 2.0])
         positions, velocities = (np.column_stack([cubic.deriv(order)(times_s) for cubic in cubics]) for order in (0, 1))
-        motion = Sampled.hermite(NAMES, times_s, positions, velocities)
+        motion = hermite_spline(NAMES, times_s, positions, velocities)
         t_s = np.linspace(0.0, 2.0, 101)
-        for order, function in enumerate([motion.positions, motion.velocities, motion.accelerations]):
+        for order, function in enumerate([motion.positions, motion.velocities, law_of(motion, Spline).accelerations]):
             expected = np.column_stack([cubic.deriv(order)(t_s) for cubic in cubics])
             assert function(t_s) == pytest.approx(expected, abs=1e-6 if order == 2 else 1e-9)
         assert motion.breakpoints_s == (0.125, 0.7, 0.701)
@@ -200,7 +212,7 @@ class TestHermite:
         """The float sum 0.1 + 0.1 + 0.1 is not 0.3, but the planner's time is."""
         times_s = np.cumsum([0.0, 0.1, 0.1, 0.1, 0.1])
         assert times_s[3] != 0.3
-        assert Sampled.hermite(("a",), times_s, *np.zeros((2, 5, 1))).breakpoints_s == (0.1, 0.2, 0.3)
+        assert hermite_spline(("a",), times_s, *np.zeros((2, 5, 1))).breakpoints_s == (0.1, 0.2, 0.3)
 
 
 class TestBadTimes:

@@ -1,46 +1,46 @@
 """Sequences: nothing jumps where motions meet, and times count from the start of the whole."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 
-from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.laws import Cubic, SCurve, Trapezoid
-from steptwin.host.planning.motions.composer import Sequence, Standstill
-from steptwin.host.planning.motions.joint_move import JointMove
-from steptwin.host.planning.trajectory import OutputChange, Trajectory
+from steptwin.host.planning.motion import JointFunctions, Motion, OutputChange
+from steptwin.host.planning.motions.composer import Sequence, sequence, standstill
+from steptwin.host.planning.motions.joint_move import joint_move
 from tests.host.verify.motions import motion, still
+from tests.laws import law_of
 
 NAMES = ("a", "b")
 A, B, C = (0.0, 5.0), (10.0, -5.0), (10.0, 0.5)
 
-PARTS: tuple[Trajectory, ...] = (
-    JointMove(NAMES, A, B, Trapezoid(1.0, 1.0, 0.3)),
-    Standstill(NAMES, B, 0.25),
-    JointMove(NAMES, B, C, Cubic(1.0, 0.5)),
-    JointMove(NAMES, C, A, SCurve(1.0, 0.8, 0.2, 0.1)),
+PARTS: tuple[Motion, ...] = (
+    joint_move(NAMES, A, B, Trapezoid(1.0, 1.0, 0.3)),
+    standstill(NAMES, B, 0.25),
+    joint_move(NAMES, B, C, Cubic(1.0, 0.5)),
+    joint_move(NAMES, C, A, SCurve(1.0, 0.8, 0.2, 0.1)),
 )
 SWITCHINGS = (OutputChange("gripper", True, 1.0, 1.25),)
-ALL = Sequence(NAMES, PARTS, (0, 1000, 1250, 1750, 2550), SWITCHINGS)
+ALL = sequence(NAMES, PARTS, SWITCHINGS)
+STARTS_MS = law_of(ALL, Sequence).starts_ms
 
 
 def test_duration_breakpoints_and_switchings() -> None:
     """The breakpoints are the parts', shifted by their starts, and the times at which one part follows another."""
+    assert STARTS_MS == (0, 1000, 1250, 1750, 2550)
     assert ALL.duration_s == 2.55
     assert ALL.breakpoints_s == (0.3, 0.7, 1.0, 1.25, 1.75, 1.85, 1.95, 2.35, 2.45)
     assert ALL.output_changes == SWITCHINGS
 
 
 def test_each_part_moves_in_its_time() -> None:
-    for part, start_ms in zip(PARTS, ALL.starts_ms, strict=False):
+    for part, start_ms in zip(PARTS, STARTS_MS, strict=False):
         own_s = np.linspace(0.0, part.duration_s, 57)[1:-1]
         assert ALL.positions(own_s + start_ms / 1000) == pytest.approx(part.positions(own_s), abs=1e-12)
         assert ALL.velocities(own_s + start_ms / 1000) == pytest.approx(part.velocities(own_s), abs=1e-9)
 
 
 def test_nothing_jumps_where_parts_meet() -> None:
-    meets_s = np.array(ALL.starts_ms[1:-1]) / 1000
+    meets_s = np.array(STARTS_MS[1:-1]) / 1000
     around_s = meets_s + np.array([[-1e-9], [0.0], [1e-9]])
     for t_s in around_s:
         assert ALL.positions(t_s) == pytest.approx(np.array([B, B, C]), abs=1e-12)
@@ -62,26 +62,13 @@ def test_times_in_any_order_and_no_times() -> None:
     assert ALL.positions(np.zeros(0)).shape == ALL.velocities(np.zeros(0)).shape == (0, 2)
 
 
-@dataclass(frozen=True, slots=True)
-class Asked:
-    """A part that returns the times for which it is evaluated."""
-
-    joint_names: tuple[str, ...] = ("a",)
-    duration_s: float = 0.1
-    breakpoints_s: tuple[float, ...] = ()
-    output_changes: tuple[OutputChange, ...] = ()
-
-    def positions(self, t_s: FloatArray) -> FloatArray:
-        return t_s[:, np.newaxis]
-
-    def velocities(self, t_s: FloatArray) -> FloatArray:
-        return t_s[:, np.newaxis]
+ASKED = Motion(("a",), 0.1, JointFunctions(lambda t_s: t_s[:, np.newaxis], lambda t_s: t_s[:, np.newaxis]))
+"""A part that returns the times for which it is evaluated."""
 
 
 def test_parts_are_evaluated_within_their_own_times() -> None:
     """Their times are within 0 and their duration to the last bit, although 0.3 - 0.2 is less than 0.1 in floats."""
-    parts = tuple(Asked() for _ in range(40))
-    many = Sequence(("a",), parts, tuple(range(0, 4001, 100)), ())
+    many = sequence(("a",), [ASKED] * 40)
     asked_s = many.positions(np.arange(4001) / 1000)[:, 0]
     assert asked_s.min() == 0.0
     assert asked_s.max() <= 0.1
@@ -90,15 +77,13 @@ def test_parts_are_evaluated_within_their_own_times() -> None:
 
 
 def test_sequences_within_sequences() -> None:
-    outer = Sequence(
-        ("a",), (motion(0.5, still(1.0)), Sequence(("a",), (Asked(), Asked()), (0, 100, 200), ())), (0, 500, 700), ()
-    )
+    outer = sequence(("a",), [motion(0.5, still(1.0)), sequence(("a",), [ASKED, ASKED])])
     assert outer.breakpoints_s == (0.5, 0.6)
     assert outer.positions(np.array([0.25, 0.55, 0.65]))[:, 0] == pytest.approx([1.0, 0.05, 0.05])
 
 
 def test_a_pause() -> None:
-    pause, t_s = Standstill(NAMES, B, 0.25), np.linspace(0.0, 0.25, 9)
+    pause, t_s = standstill(NAMES, B, 0.25), np.linspace(0.0, 0.25, 9)
     assert pause.positions(t_s).tolist() == [list(B)] * 9
     assert pause.velocities(t_s).tolist() == [[0.0, 0.0]] * 9
     assert (pause.breakpoints_s, pause.output_changes) == ((), ())

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.motion import Motion
+from steptwin.host.planning.motions.sampled import akima_spline, c2_spline
 
 
 @st.composite
@@ -62,12 +63,12 @@ def cubics(t_s: FloatArray, knots_s: FloatArray, q: FloatArray, m: FloatArray) -
     return np.asarray(from_points + h * u * (1 - u) * ((1 - u) * m[i] - u * m[i + 1]))
 
 
-Maker = Callable[[tuple[str, ...], FloatArray, FloatArray], Sampled]
+Maker = Callable[[tuple[str, ...], FloatArray, FloatArray], Motion]
 Slopes = Callable[[FloatArray, FloatArray], FloatArray]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("make", "slopes_of"), [(Sampled.c2_spline, clamped_slopes), (Sampled.akima, akima_slopes)])
+@pytest.mark.parametrize(("make", "slopes_of"), [(c2_spline, clamped_slopes), (akima_spline, akima_slopes)])
 @given(sampled=samples())
 def test_a_spline_solves_its_equations(make: Maker, slopes_of: Slopes, sampled: tuple[FloatArray, FloatArray]) -> None:
     times_s, q = sampled

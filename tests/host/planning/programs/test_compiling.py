@@ -9,8 +9,8 @@ import pytest
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
+from steptwin.host.planning.motion import Wait
 from steptwin.host.planning.programs import CompiledProgram, compile_program, compiling, parse_program
-from steptwin.host.planning.trajectory import Wait
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
@@ -52,7 +52,7 @@ def travelled(program: CompiledProgram, step: int = -1) -> FloatArray:
     """Return the tool's poses in one step, sampled every millisecond."""
     row = program.steps[step]
     t_s = row.from_s + np.arange(0, round(1000 * row.duration_s) + 1) / 1000
-    return tool(program.trajectory.positions(t_s))
+    return tool(program.motion.positions(t_s))
 
 
 def test_a_line_is_straight_and_keeps_the_attitude() -> None:
@@ -126,8 +126,8 @@ def test_a_turn_on_the_spot_keeps_the_spot(phi_deg: float) -> None:
     program = compile_program(
         parse_program(f"[[step]]\nline = {{ phi = {phi_deg} }}\nspeed_mm_s = 1", Findings()), robot
     )
-    t_s = np.arange(0, round(1000 * program.trajectory.duration_s) + 1) / 1000
-    poses = make_kinematics(robot).forward(program.trajectory.positions(t_s))
+    t_s = np.arange(0, round(1000 * program.motion.duration_s) + 1) / 1000
+    poses = make_kinematics(robot).forward(program.motion.positions(t_s))
     assert np.abs(poses[:, :3] - poses[0, :3]).max() < 1e-9
     assert poses[-1, 3] == pytest.approx(phi_deg)
     assert (np.diff(poses[:, 3]) * np.sign(phi_deg - poses[0, 3]) >= 0).all()
@@ -149,8 +149,8 @@ def test_a_lift_moves_straight_where_the_arm_is_stretched() -> None:
 def test_go_changes_the_elbow_where_a_line_keeps_it() -> None:
     left = compiled('[[step]]\ngo = { x = 100, y = 100, branch = "left" }\nspeed_percent = 50')
     right = compiled("[[step]]\nline = { x = 100, y = 100 }\nspeed_mm_s = 30")
-    end = np.array([left.trajectory.duration_s]), np.array([right.trajectory.duration_s])
-    joints = left.trajectory.positions(end[0])[0], right.trajectory.positions(end[1])[0]
+    end = np.array([left.motion.duration_s]), np.array([right.motion.duration_s])
+    joints = left.motion.positions(end[0])[0], right.motion.positions(end[1])[0]
     assert np.sign(joints[0][1]) != np.sign(joints[1][1])
     assert np.allclose(tool(joints[0][np.newaxis])[0, :3], tool(joints[1][np.newaxis])[0, :3])
 
@@ -163,7 +163,7 @@ def test_after_a_whole_turn_of_the_tool_the_arm_is_on_its_branch_and_the_tool_do
         "[[step]]\ngo = { x = 100, y = 90 }\n",
     )
     program = compiled(turn + "".join(steps))
-    joints = program.trajectory.positions(np.array([row.from_s + row.duration_s for row in program.steps]))
+    joints = program.motion.positions(np.array([row.from_s + row.duration_s for row in program.steps]))
     assert joints[0, 3] > 180.0  # beyond what the inverse kinematics returns
     assert joints[1, 3] - joints[0, 3] == pytest.approx(10.0)
     assert np.abs(np.diff(joints, axis=0)[1:]).max() < 90.0
@@ -175,7 +175,7 @@ def test_the_pace_of_a_joint_move_is_a_part_of_the_limits(law: str) -> None:
     program = compiled(f'[[step]]\ngo = {{ th1 = 100 }}\nlaw = "{law}"\nspeed_percent = 40')
     assert 39.0 < max(peak.percent for peak in program.steps[0].peaks) <= 40.0 + 1e-6
     timed = compiled(f'[[step]]\ngo = {{ th1 = 100 }}\nlaw = "{law}"\nduration_s = 3.1')
-    assert timed.trajectory.duration_s == 3.1
+    assert timed.motion.duration_s == 3.1
 
 
 def test_repetitions_and_calls_are_written_out_with_their_numbers() -> None:
@@ -192,7 +192,7 @@ def test_repetitions_and_calls_are_written_out_with_their_numbers() -> None:
 
 def test_outputs_switch_at_their_steps() -> None:
     program = compiled('[[step]]\npause = 1\n[[step]]\noutput = "gripper"\non = true')
-    (switching,) = program.trajectory.output_changes
+    (switching,) = program.motion.output_changes
     assert (switching.output, switching.on, switching.from_s) == ("gripper", True, 1.0)
 
 
@@ -200,7 +200,7 @@ def test_a_wait_knows_its_step() -> None:
     program = compiled(
         "[[step]]\nrepeat = 2\nsteps = [{ pause = 1 }, { wait = 'part_ready', on = false, timeout_s = 2.5 }]"
     )
-    assert program.trajectory.waits == (
+    assert program.motion.waits == (
         Wait("part_ready", False, 1.0, 2.5, "step 1.2, pass 1"),
         Wait("part_ready", False, 2.01, 2.5, "step 1.2, pass 2"),
     )
@@ -220,7 +220,7 @@ def test_refusals_name_step_time_place_and_joint() -> None:
     beyond = complaint(line.format(190, 100))
     assert beyond.startswith("step 2 (line to x 190, y 100): x 190, y 100, z -40 mm, phi 80 deg is out of reach on ")
     passing = re.findall(r"; x (\S+), y (\S+) mm passes$", beyond)[0]
-    assert compiled(line.format(*passing)).trajectory.duration_s > 1.0
+    assert compiled(line.format(*passing)).motion.duration_s > 1.0
     assert "out of reach" in complaint(line.format(*(float(each) + 0.3 for each in passing)))
     around = complaint(f"{pause}[[step]]\ncircle = {{ x = 190, y = 100 }}\nsweep_deg = -90\nspeed_mm_s = 40")
     assert re.match(r"step 2 \(circle .*\): at t = [\d.]+ s the tool's path breaks off: ", around)

@@ -20,4 +20,4 @@ speed_mm_s = 40
 )
 def test_it_is_planned(near: str, x: float, y: float) -> None:
     program = parse_program(CURVE.format(near=near, x=x, y=y), Findings())
-    assert 0.3 < compile_program(program, load_robot("corexy-gantry")).trajectory.duration_s < 3.0
+    assert 0.3 < compile_program(program, load_robot("corexy-gantry")).motion.duration_s < 3.0

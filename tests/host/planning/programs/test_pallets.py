@@ -106,7 +106,7 @@ def test_each_cell_is_visited_with_its_offset_along_the_frame() -> None:
     pallet += "along = { pitch = { x = 15.0 }, count = 3 }\n"
     program = compiled(f'{pallet}[[step]]\neach = "box"\nsteps = [{{ go = {{ cell = "box", {offset} }} }}]\n')
     ends = np.array([row.from_s + row.duration_s for row in program.steps])
-    poses = tool(program.trajectory.positions(ends))
+    poses = tool(program.motion.positions(ends))
     way = np.array([5.0, 20.0, 35.0])
     angle = np.deg2rad(30.0)
     assert poses[:, :2] == pytest.approx(
@@ -123,13 +123,13 @@ def test_some_cells_alone_two_pallets_at_once_and_a_sequence() -> None:
     each = '[[step]]\neach = ["tray", "box"]\ncells = "2..3"\nsteps = [{ call = "visit" }]\n'
     program = compiled(BOX + tray + steps + each)
     ends = np.array([row.from_s + row.duration_s for row in program.steps])
-    assert tool(program.trajectory.positions(ends))[:, 0] == pytest.approx([70.0, 80.0, 80.0, 90.0])
+    assert tool(program.motion.positions(ends))[:, 0] == pytest.approx([70.0, 80.0, 80.0, 90.0])
 
 
 def test_a_position_beside_a_named_one() -> None:
     at = "[positions]\na = { x = 80.0, y = 120.0, z = -90.0, phi = 5.0 }\n"
     program = compiled(at + '[[step]]\ngo = { at = "a", offset = { z = 30.0, phi = 10.0 } }\n')
-    end = tool(program.trajectory.positions(np.array([program.trajectory.duration_s])))[0]
+    end = tool(program.motion.positions(np.array([program.motion.duration_s])))[0]
     assert end == pytest.approx([80.0, 120.0, -60.0, 15.0])
 
 

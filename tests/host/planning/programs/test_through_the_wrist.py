@@ -30,7 +30,7 @@ def compiled(folder: Path, law: str, step: str, j4_deg: float = 0.0) -> Compiled
 def test_j4_stays_and_the_wrist_passes_through(tmp_path: Path, law: str, step: str) -> None:
     """On the start's branch the goal takes J4 = 180 deg, beyond 105.47; J4 = 0 leads the tool all the way."""
     program = compiled(tmp_path, law, step)
-    motion, row = program.trajectory, program.steps[1]
+    motion, row = program.motion, program.steps[1]
     assert [name for _, name in row.changes] == ["front-up-flip"]
     joints = motion.positions(np.linspace(row.from_s, motion.duration_s, 200))
     assert np.abs(joints[:, 3]).max() < 1e-6
@@ -44,7 +44,7 @@ def test_j4_stays_and_the_wrist_passes_through(tmp_path: Path, law: str, step: s
 
 def test_so_it_does_by_hand() -> None:
     planned = plan_tool_step(PAROL6, [0.0, -90.0, 180.0, 0.0, 20.0, 180.0], ToolStep({"ry": 40.0}, 50.0))
-    end = planned.trajectory.positions(np.array([planned.trajectory.duration_s]))[0]
+    end = planned.motion.positions(np.array([planned.motion.duration_s]))[0]
     assert end[3] == pytest.approx(0.0, abs=1e-6)
     assert end[4] < -20.0
 

@@ -33,20 +33,20 @@ def compiled(steps: str) -> CompiledProgram:
 )
 def test_the_tool_follows_its_path(step: str) -> None:
     program = compiled(f"[[step]]\n{step}\nspeed_mm_s = 40")
-    plan(ROBOT, program.trajectory)
-    t_s = np.arange(0, round(1000 * program.trajectory.duration_s) + 1) / 1000
-    poses = KINEMATICS.forward(program.trajectory.positions(t_s))
+    plan(ROBOT, program.motion)
+    t_s = np.arange(0, round(1000 * program.motion.duration_s) + 1) / 1000
+    poses = KINEMATICS.forward(program.motion.positions(t_s))
     speeds = np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1) * 1000
     assert speeds.max() < 60
     assert np.ptp(poses[:, 3]) > 1
-    velocities = program.trajectory.velocities(t_s)
+    velocities = program.motion.velocities(t_s)
     assert np.all(np.isfinite(velocities))
 
 
 def test_a_line_is_straight() -> None:
     program = compiled("[[step]]\nline = { x = 150, y = 180 }\nspeed_mm_s = 40")
-    t_s = np.linspace(0, program.trajectory.duration_s, 500)
-    places = KINEMATICS.forward(program.trajectory.positions(t_s))[:, :2]
+    t_s = np.linspace(0, program.motion.duration_s, 500)
+    places = KINEMATICS.forward(program.motion.positions(t_s))[:, :2]
     way = places[-1] - places[0]
     off = (places - places[0]) @ np.array([-way[1], way[0]]) / np.linalg.norm(way)
     assert np.abs(off).max() < 1e-9
@@ -55,7 +55,7 @@ def test_a_line_is_straight() -> None:
 
 def test_a_position_may_leave_phi_out_or_give_the_one_that_follows() -> None:
     program = compiled("[[step]]\ngo = { x = 150, y = 180 }")
-    end = program.trajectory.positions(np.array([program.trajectory.duration_s]))
+    end = program.motion.positions(np.array([program.motion.duration_s]))
     phi_deg = KINEMATICS.forward(end)[0, 3]
     compiled(f"[[step]]\ngo = {{ x = 150, y = 180, phi = {phi_deg:.4f} }}")
     compiled(f"[[step]]\nline = {{ x = 150, y = 180, phi = {phi_deg:.4f} }}\nspeed_mm_s = 40")

@@ -11,6 +11,7 @@ from steptwin.host.planning.planner import plan, plan_stretched
 from steptwin.host.planning.trajectory_file import FileMotion, PointCurve, doubt, read_file_motion, read_trajectory
 from steptwin.host.robots import load_robot
 from tests.host.complaints import complaint_of
+from tests.laws import law_of
 from tests.messages import refusing
 
 ROBOT = load_robot("teaching-scara")
@@ -31,7 +32,7 @@ def refusal(motion: FileMotion, stretch: float | None = None) -> str:
 
     def planned() -> None:
         with motion.explained(stretch or 1.0):
-            plan_stretched(ROBOT, motion.trajectory, stretch) if stretch else plan(ROBOT, motion.trajectory)
+            plan_stretched(ROBOT, motion.whole, stretch) if stretch else plan(ROBOT, motion.whole)
 
     return complaint_of(planned)
 
@@ -39,38 +40,38 @@ def refusal(motion: FileMotion, stretch: float | None = None) -> str:
 def test_stop_rests_at_each_point_and_keeps_the_lines(tmp_path: Path) -> None:
     motion = read(tmp_path, CSV, "stop")
     assert motion.interpolation is PointCurve.STOP
-    assert np.abs(motion.trajectory.velocities(TIMES_S)).max() < 1e-9
-    assert motion.trajectory.velocities(np.array([0.5]))[0] == pytest.approx([-22.5, 45, 15, -30])  # 1.5 times the mean
+    assert np.abs(motion.whole.velocities(TIMES_S)).max() < 1e-9
+    assert motion.whole.velocities(np.array([0.5]))[0] == pytest.approx([-22.5, 45, 15, -30])  # 1.5 times the mean
     assert max(departure.distance for departure in motion.departures()) < 1e-9
 
 
 def test_linear_keeps_its_speed_and_misses_the_points_by_its_blends(tmp_path: Path) -> None:
     motion = read(tmp_path, CSV, "linear")
-    speeds = motion.trajectory.velocities(np.array([0.4, 0.5, 0.6]))
+    speeds = motion.whole.velocities(np.array([0.4, 0.5, 0.6]))
     assert np.ptp(speeds, axis=0) == pytest.approx(0.0, abs=1e-9)
     sizes = {departure.what: departure.distance for departure in motion.departures()}
-    assert 0.0 < sizes["d3"] == pytest.approx(abs(motion.trajectory.positions(TIMES_S)[1, 2] - 10.0))
+    assert 0.0 < sizes["d3"] == pytest.approx(abs(motion.whole.positions(TIMES_S)[1, 2] - 10.0))
     assert refused_by_nobody(motion)
 
 
 def refused_by_nobody(motion: FileMotion) -> bool:
-    plan(ROBOT, motion.trajectory)
+    plan(ROBOT, motion.whole)
     return True
 
 
 def test_spline_is_the_default(tmp_path: Path) -> None:
     spline, default = read(tmp_path, CSV, "spline"), read(tmp_path, CSV)
     t_s = np.linspace(0.0, 2.0, 101)
-    assert np.array_equal(spline.trajectory.positions(t_s), default.trajectory.positions(t_s))
+    assert np.array_equal(spline.whole.positions(t_s), default.whole.positions(t_s))
     assert default.interpolation is PointCurve.SPLINE
     path = str(tmp_path / "points.csv")
-    assert np.array_equal(read_trajectory(path, ROBOT).positions(t_s), default.trajectory.positions(t_s))
+    assert np.array_equal(read_trajectory(path, ROBOT).positions(t_s), default.whole.positions(t_s))
 
 
 def test_points_stand_still_where_they_repeat_in_every_interpolation(tmp_path: Path) -> None:
     text = f"{HEADER}\n0,0,10,0,0\n1,9,20,10,0\n1.5,9,20,10,0\n2.5,0,10,10,5\n"
     for interpolate in PointCurve:
-        motion = read(tmp_path, text, interpolate).trajectory
+        motion = read(tmp_path, text, interpolate).whole
         still = motion.velocities(np.linspace(1.0, 1.5, 51))
         assert np.abs(still).max() < 1e-9, interpolate
 
@@ -79,13 +80,13 @@ def test_ramps_around_a_file_with_a_pause(tmp_path: Path) -> None:
     text = f"{HEADER}\n0,0,10,10,0\n1,9,20,10,0\n1.5,9,20,10,0\n2.5,0,10,10,5\n"
     for interpolate in ("spline", "linear"):
         motion = read(tmp_path, text, interpolate, 0.1)
-        assert motion.trajectory.duration_s == 2.7
+        assert motion.whole.duration_s == 2.7
         inner = motion.through
-        assert isinstance(inner, Sequence)
-        assert [type(part) is Standstill for part in inner.parts] == [False, True, False]
+        parts = law_of(inner, Sequence).parts
+        assert [type(part.law) is Standstill for part in parts] == [False, True, False]
         assert np.abs(inner.velocities(np.array([0.0, 2.5]))).max(axis=1).min() > 5.0
         assert np.abs(inner.velocities(np.array([1.0, 1.25, 1.5]))).max() < 1e-9
-        plan(ROBOT, motion.trajectory)
+        plan(ROBOT, motion.whole)
 
 
 @pytest.mark.parametrize(
@@ -180,9 +181,9 @@ class TestRamps:
     def test_with_a_stretch(self, tmp_path: Path) -> None:
         told = refusal(read(tmp_path, MOVING), 2.0)
         offered_s = float(told.rpartition("ramps_s=")[2].removesuffix(")"))
-        plan_stretched(ROBOT, read(tmp_path, MOVING, ramps_s=offered_s).trajectory, 2.0)
+        plan_stretched(ROBOT, read(tmp_path, MOVING, ramps_s=offered_s).whole, 2.0)
         with refusing(InputError):
-            plan_stretched(ROBOT, read(tmp_path, MOVING, ramps_s=round(offered_s - 0.001, 3)).trajectory, 2.0)
+            plan_stretched(ROBOT, read(tmp_path, MOVING, ramps_s=round(offered_s - 0.001, 3)).whole, 2.0)
 
 
 def test_blends_without_room_are_refused_with_the_stretch_that_passes(tmp_path: Path) -> None:
@@ -191,9 +192,9 @@ def test_blends_without_room_are_refused_with_the_stretch_that_passes(tmp_path: 
     told = refusal(motion)
     assert "acceleration" in told
     factor = float(told.partition("(stretch=")[2].partition(")")[0])
-    plan_stretched(ROBOT, motion.trajectory, factor)
+    plan_stretched(ROBOT, motion.whole, factor)
     with pytest.raises(InputError):
-        plan_stretched(ROBOT, motion.trajectory, factor - 0.001)
+        plan_stretched(ROBOT, motion.whole, factor - 0.001)
 
 
 class TestFastest:
@@ -208,7 +209,7 @@ class TestFastest:
         path = self.written(tmp_path)
         motion = read_file_motion(path, ROBOT, law="fastest")
         again = read_trajectory(path, ROBOT, law="fastest")
-        assert again.duration_s == motion.trajectory.duration_s < 0.8 * motion.through.duration_s
+        assert again.duration_s == motion.whole.duration_s < 0.8 * motion.through.duration_s
         plan(ROBOT, again)
         positions = again.positions(np.arange(0.0, again.duration_s, 1e-4))
         for point in motion.points.positions:
@@ -222,7 +223,7 @@ class TestFastest:
             return read_file_motion(str(file), ROBOT, units=units, law="fastest")
 
         motion = read_file_motion(str(file), ROBOT, law="fastest")
-        assert "units=rad,m fits, too" in str(doubt(motion, plan(ROBOT, motion.trajectory), read_in))
+        assert "units=rad,m fits, too" in str(doubt(motion, plan(ROBOT, motion.whole), read_in))
 
     def test_ramps_and_other_laws_are_refused(self, tmp_path: Path) -> None:
         path = self.written(tmp_path)

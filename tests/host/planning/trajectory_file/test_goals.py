@@ -25,8 +25,8 @@ def written(
 
 def test_one_point_is_a_motion_from_home(tmp_path: Path) -> None:
     found = read_file_motion(written(tmp_path, (2, [5.0, 10.0, 20.0, 0.0])), ROBOT)
-    places = found.trajectory.positions(np.array([0.0, 2.0]))
-    assert found.trajectory.duration_s == 2.0
+    places = found.whole.positions(np.array([0.0, 2.0]))
+    assert found.whole.duration_s == 2.0
     assert places[0] == pytest.approx(ROBOT.home)
     assert places[1] == pytest.approx([10.0, 20.0, 5.0, 0.0])
     assert found.points.begun_at_home

@@ -14,6 +14,7 @@ from steptwin.host.robots import load_robot, robot_names
 from steptwin.host.robots.kinematics import make_kinematics
 from tests.host.complaints import complaint_of
 from tests.host.robots.kinematics.test_usual_scara import scara
+from tests.laws import law_of
 
 ROBOT = load_robot("teaching-scara")
 CSV = """t,x,y,z,phi
@@ -59,11 +60,11 @@ def test_the_tool_is_at_the_poses(elbow: str, tmp_path: Path) -> None:
         read(tmp_path, document, elbow=elbow, suffix=".json"),
     ]
     for motion in motions:
-        joints = motion.trajectory.positions(np.array([0.0, 1.0, 2.0]))
+        joints = motion.whole.positions(np.array([0.0, 1.0, 2.0]))
         assert make_kinematics(ROBOT).forward(joints) == pytest.approx(poses_of(CSV), abs=1e-9)
         assert (joints[:, 1] > 0).all() == (elbow == "right")
         assert motion.points.branch == elbow
-        plan(ROBOT, motion.trajectory)
+        plan(ROBOT, motion.whole)
 
 
 @pytest.mark.parametrize("name", [name for name in robot_names() if make_kinematics(load_robot(name)).task.width])
@@ -162,14 +163,13 @@ def test_a_wrist_goes_on_over_several_turns(start_deg: int, step_deg: int, tmp_p
 
 def test_the_tool_stands_where_poses_repeat(tmp_path: Path) -> None:
     text = "t,x,y,z,phi\n0,150,80,-60,0\n1,150,-20,-60,30\n1.5,150,-20,-60,30\n2,120,-60,-50,30\n"
-    motion = read(tmp_path, text).trajectory
-    assert isinstance(motion, Sequence)
-    assert [type(part) is Standstill for part in motion.parts] == [False, True, False]
+    motion = read(tmp_path, text).whole
+    assert [type(part.law) is Standstill for part in law_of(motion, Sequence).parts] == [False, True, False]
 
 
 def test_velocities_of_the_tool_become_the_joints(tmp_path: Path) -> None:
     text = "t,x,y,z,phi,v_x,v_y,v_z,v_phi\n0,150,80,-60,0,0,0,0,0\n1,150,30,-60,10,5,-40,-3,20\n2,150,0,-60,0,0,0,0,0\n"
-    motion = read(tmp_path, text).trajectory
+    motion = read(tmp_path, text).whole
     before, after = make_kinematics(ROBOT).forward(motion.positions(np.array([1 - 1e-6, 1 + 1e-6])))
     assert (after - before) / 2e-6 == pytest.approx([5, -40, -3, 20], rel=1e-5)
 
@@ -181,12 +181,12 @@ def test_a_tool_that_does_not_turn_needs_no_phi(tmp_path: Path) -> None:
     file = tmp_path / "poses.csv"
     rows = f"0,150,180,{z_mm},right,0,0,0\n1,150,130,{z_mm},,5,-40,-3\n2,150,110,{z_mm},,0,0,0\n"
     file.write_text(f"t,x,y,z,elbow,v_x,v_y,v_z\n{rows}", encoding="utf-8")
-    motion = read_file_motion(str(file), robot).trajectory
+    motion = read_file_motion(str(file), robot).whole
     before, at, after = kinematics.forward(motion.positions(np.array([1 - 1e-6, 1, 1 + 1e-6])))[:, :3]
     assert at == pytest.approx([150, 130, z_mm], abs=1e-9)
     assert (after - before) / 2e-6 == pytest.approx([5, -40, -3], rel=1e-5)
     file.write_text(f"t,x,y,z\n0,150,180,{z_mm}\n1,150,130,{z_mm}\n1.5,150,130,{z_mm}\n", encoding="utf-8")
-    assert isinstance(read_file_motion(str(file), robot).trajectory, Sequence)
+    assert isinstance(read_file_motion(str(file), robot).whole.law, Sequence)
 
 
 def test_lines_of_the_tool_are_the_files(tmp_path: Path) -> None:

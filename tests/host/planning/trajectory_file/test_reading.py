@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import CSV_BYTES_MAX, JSON_BYTES_MAX, LINE_CHARS_MAX
-from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.trajectory_file import LONGEST_S, is_trajectory_file, read_trajectory
 from steptwin.host.robots import load_robot
 from tests.host.complaints import complaint_of
@@ -69,7 +69,7 @@ def with_points(made: dict[str, Any], **entries: Any) -> dict[str, Any]:
     return made
 
 
-def read(folder: Path, content: str | bytes, suffix: str = ".csv") -> Trajectory:
+def read(folder: Path, content: str | bytes, suffix: str = ".csv") -> Motion:
     file = folder / f"motion{suffix}"
     file.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))
     return read_trajectory(str(file), ROBOT)
@@ -83,11 +83,11 @@ def complaint(folder: Path, content: str | bytes, suffix: str = ".csv") -> str:
     return rest
 
 
-def assert_passes_through(trajectory: Trajectory) -> None:
-    assert trajectory.joint_names == NAMES
-    assert trajectory.duration_s == 1.25
-    assert trajectory.positions(np.array(TIMES_S)) == pytest.approx(np.array(POSITIONS), abs=1e-12)
-    assert trajectory.velocities(np.array([0.0, 1.25])) == pytest.approx(np.zeros((2, 4)), abs=1e-12)
+def assert_passes_through(motion: Motion) -> None:
+    assert motion.joint_names == NAMES
+    assert motion.duration_s == 1.25
+    assert motion.positions(np.array(TIMES_S)) == pytest.approx(np.array(POSITIONS), abs=1e-12)
+    assert motion.velocities(np.array([0.0, 1.25])) == pytest.approx(np.zeros((2, 4)), abs=1e-12)
 
 
 POSITIONS_ONLY = [
@@ -122,13 +122,13 @@ POSITIONS_ONLY = [
 @pytest.mark.parametrize(("suffix", "content"), POSITIONS_ONLY)
 def test_positions_only(suffix: str, content: str | bytes, tmp_path: Path) -> None:
     """The motion is a C2 spline from rest to rest: its acceleration does not jump at the middle point."""
-    trajectory = read(tmp_path, content, suffix)
-    assert_passes_through(trajectory)
-    assert trajectory.breakpoints_s == ()
-    velocities = trajectory.velocities(np.array([0.5 - 1e-6, 0.5, 0.5 + 1e-6]))
+    motion = read(tmp_path, content, suffix)
+    assert_passes_through(motion)
+    assert motion.breakpoints_s == ()
+    velocities = motion.velocities(np.array([0.5 - 1e-6, 0.5, 0.5 + 1e-6]))
     assert np.diff(velocities, 2, axis=0) == pytest.approx(np.zeros((1, 4)), abs=1e-8)
     t_s = np.linspace(0.0, 1.25, 101)
-    assert np.array_equal(trajectory.positions(t_s), read(tmp_path, CSV).positions(t_s))
+    assert np.array_equal(motion.positions(t_s), read(tmp_path, CSV).positions(t_s))
 
 
 @pytest.mark.parametrize(
@@ -147,16 +147,16 @@ def test_positions_only(suffix: str, content: str | bytes, tmp_path: Path) -> No
     ],
 )
 def test_with_velocities(suffix: str, content: str, tmp_path: Path) -> None:
-    trajectory = read(tmp_path, content, suffix)
-    assert_passes_through(trajectory)
-    assert trajectory.velocities(np.array(TIMES_S)) == pytest.approx(np.array(VELOCITIES), abs=1e-12)
-    assert trajectory.breakpoints_s == (0.5,)
+    motion = read(tmp_path, content, suffix)
+    assert_passes_through(motion)
+    assert motion.velocities(np.array(TIMES_S)) == pytest.approx(np.array(VELOCITIES), abs=1e-12)
+    assert motion.breakpoints_s == (0.5,)
 
 
 def test_positions_only_may_come_at_any_time(tmp_path: Path) -> None:
     """Only the last time must be a whole millisecond."""
-    trajectory = read(tmp_path, CSV.replace("0.5,", "0.50004,"))
-    assert trajectory.positions(np.array([0.50004]))[0] == pytest.approx(POSITIONS[1])
+    motion = read(tmp_path, CSV.replace("0.5,", "0.50004,"))
+    assert motion.positions(np.array([0.50004]))[0] == pytest.approx(POSITIONS[1])
 
 
 def test_the_longest(tmp_path: Path) -> None:
@@ -384,14 +384,14 @@ def test_a_file_that_cannot_be_read(name: str, words: str, tmp_path: Path) -> No
 def read_or_refuse(content: bytes, suffix: str) -> None:
     with TemporaryDirectory() as folder:
         try:
-            trajectory = read(Path(folder), content, suffix)
+            motion = read(Path(folder), content, suffix)
         except InputError as error:
             message = str(error)
             assert message.startswith(folder)
             assert len(message.splitlines()) == 1
             message.encode("utf-8")  # can be printed
         else:
-            assert np.isfinite(trajectory.positions(np.linspace(0.0, trajectory.duration_s))).all()
+            assert np.isfinite(motion.positions(np.linspace(0.0, motion.duration_s))).all()
 
 
 @pytest.mark.slow

@@ -34,7 +34,7 @@ def test_messages_of_six_axes(name: str) -> None:
     assert first == pytest.approx(START, abs=1e-12)
     assert last == pytest.approx(END, abs=0.001)
     assert motion.points.times_s[-1] == 3.0
-    assert plan(AR4, motion.trajectory).trajectory.duration_s == 3.0
+    assert plan(AR4, motion.whole).motion.duration_s == 3.0
 
 
 def test_every_number_of_a_point() -> None:

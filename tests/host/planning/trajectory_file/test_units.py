@@ -110,8 +110,8 @@ def test_what_moveit_plans_is_read(tmp_path: Path) -> None:
     assert motion.points.times_s.tolist() == [0.0, 1.0, 2.5]
     assert motion.points.rounded_s == pytest.approx(0.000317)
     assert motion.points.unread == ("accelerations",)
-    assert motion.trajectory.positions(np.array(TIMES_S)) == pytest.approx(np.array(DEG_MM), abs=1e-9)
-    assert plan(ROBOT, motion.trajectory).trajectory.duration_s == 2.5
+    assert motion.whole.positions(np.array(TIMES_S)) == pytest.approx(np.array(DEG_MM), abs=1e-9)
+    assert plan(ROBOT, motion.whole).motion.duration_s == 2.5
 
 
 def test_times_are_rounded_to_the_nearest_millisecond(tmp_path: Path) -> None:
@@ -161,7 +161,7 @@ ASKED = "every joint stays below 5 % of its limits and of its range, at {} % at 
 
 def doubted(path: str, stretch: float = 1.0) -> str | None:
     motion = read_file_motion(path, ROBOT)
-    planned = plan_stretched(ROBOT, motion.trajectory, stretch)
+    planned = plan_stretched(ROBOT, motion.whole, stretch)
     return doubt(motion, planned, lambda units: read_file_motion(path, ROBOT, units=units))
 
 
@@ -223,4 +223,4 @@ def test_the_page_asks_with_the_titles_of_its_own_choice(tmp_path: Path) -> None
     assert "Is it in s, mm and degrees? “radians, m” fits, too: angles are then 57.3 times" in told
     planned, told = motions.plan_upload(upload(1.0, "rad,m"))
     assert told is None
-    assert planned.trajectory.positions(np.array(TIMES_S)) == pytest.approx(np.array(DEG_MM), abs=1e-9)
+    assert planned.motion.positions(np.array(TIMES_S)) == pytest.approx(np.array(DEG_MM), abs=1e-9)

@@ -14,7 +14,7 @@ import pytest
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
-from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.motions.sampled import c2_spline
 from steptwin.host.planning.planner import plan
 from steptwin.host.record.folder import ContradictionError, read_edges, read_run
 from steptwin.host.record.folder.edges_file import write_edges
@@ -77,11 +77,11 @@ class TestTheMotion:
         robot = load_robot(name)
         made = plan(robot, make_job(robot, job, {}))
         write_motion(tmp_path / "trajectory.csv", made)
-        again = read_motion(tmp_path, robot, made.trajectory.output_changes)
-        assert again.duration_s == made.trajectory.duration_s
-        assert again.output_changes == made.trajectory.output_changes
+        again = read_motion(tmp_path, robot, made.motion.output_changes)
+        assert again.duration_s == made.motion.duration_s
+        assert again.output_changes == made.motion.output_changes
         t_s = np.linspace(0.0, again.duration_s, 20_001)
-        off = np.abs(again.positions(t_s) - made.trajectory.positions(t_s)) * robot.steps_per_unit
+        off = np.abs(again.positions(t_s) - made.motion.positions(t_s)) * robot.steps_per_unit
         assert off.max() <= 1e-4
         assert len((tmp_path / "trajectory.csv").read_text().splitlines()) == 1 + len(made.times_ms)
 
@@ -91,12 +91,12 @@ class TestTheMotion:
         times_s = np.array([0.0, 0.2, 0.203, 0.206, 0.4])
         positions = np.zeros((5, 4))
         positions[2, 0] = 0.003
-        made = plan(robot, Sampled.c2_spline(robot.joint_names, times_s, positions))
+        made = plan(robot, c2_spline(robot.joint_names, times_s, positions))
         write_motion(tmp_path / "trajectory.csv", made)
         assert len((tmp_path / "trajectory.csv").read_text().splitlines()) == 1 + 401
         t_s = np.linspace(0.0, 0.4, 4001)
         again = read_motion(tmp_path, robot, ())
-        off = np.abs(again.positions(t_s) - made.trajectory.positions(t_s)) * robot.steps_per_unit
+        off = np.abs(again.positions(t_s) - made.motion.positions(t_s)) * robot.steps_per_unit
         assert off.max() <= 1e-4
 
     @pytest.mark.parametrize(("bump_deg", "rows"), [(7.0e-6, 1 + 41), (7.1e-6, 1 + 401)])
@@ -105,7 +105,7 @@ class TestTheMotion:
         robot = load_robot("teaching-scara")
         positions = np.zeros((5, 4))
         positions[2, 0] = bump_deg
-        spline = Sampled.c2_spline(robot.joint_names, np.array([0.0, 0.2, 0.203, 0.206, 0.4]), positions)
+        spline = c2_spline(robot.joint_names, np.array([0.0, 0.2, 0.203, 0.206, 0.4]), positions)
         write_motion(tmp_path / "trajectory.csv", plan(robot, spline))
         assert len((tmp_path / "trajectory.csv").read_text().splitlines()) == rows
 

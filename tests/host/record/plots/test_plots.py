@@ -13,7 +13,7 @@ import pytest
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.laws import Cubic
-from steptwin.host.planning.motions.joint_move import JointMove
+from steptwin.host.planning.motions.joint_move import joint_move
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import tool_frames
@@ -215,7 +215,7 @@ class TestOfARobot:
     @cache
     def run() -> Comparison:
         robot = load_robot("teaching-scara")
-        move = JointMove(robot.joint_names, (0.0, 0.0, 0.0, 0.0), (90.0, 90.0, 0.0, 0.0), Cubic(1.0, 1.5))
+        move = joint_move(robot.joint_names, (0.0, 0.0, 0.0, 0.0), (90.0, 90.0, 0.0, 0.0), Cubic(1.0, 1.5))
         expected = Expectation.of(robot, move)
         return compare(expected, perfect_evidence(expected))
 
@@ -242,7 +242,7 @@ class TestOfARobot:
     def test_guides_do_not_widen_the_view(self) -> None:
         """The warehouse's rail is 2 m long, the path a few mm."""
         robot = load_robot("warehouse-scara")
-        move = JointMove(robot.joint_names, (0, 0, 100, 0, 60, 30), (0, 0, 100, -1, 60, 31), Cubic(1.0, 0.2))
+        move = joint_move(robot.joint_names, (0, 0, 100, 0, 60, 30), (0, 0, 100, -1, 60, 31), Cubic(1.0, 0.2))
         expected = Expectation.of(robot, move)
         figure = draw("tool-path", compare(expected, perfect_evidence(expected)), VIEW)
         figure.axes[0].apply_aspect()
@@ -285,7 +285,7 @@ def test_a_run_in_space_shows_where_the_tool_points(name: str, axis: str, angle:
     """By arrows that begin on the path; frames of base, joints and tool on request."""
     robot = load_robot(name)
     goal = tuple(home + 1.0 for home in robot.home)
-    expected = Expectation.of(robot, JointMove(robot.joint_names, robot.home, goal, Cubic(1.0, 0.2)))
+    expected = Expectation.of(robot, joint_move(robot.joint_names, robot.home, goal, Cubic(1.0, 0.2)))
     comparison = compare(expected, perfect_evidence(expected))
     near, whole = draw("in-space", comparison, VIEW).axes
     collections: list[Any] = list(near.collections)

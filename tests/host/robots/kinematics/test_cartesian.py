@@ -84,10 +84,10 @@ def test_a_program_keeps_its_path(coupling: str) -> None:
     findings = Findings()
     compiled = compile_program(parse_program(PROGRAM, findings), robot, findings)
     assert findings.messages == []
-    assert plan(robot, compiled.trajectory).peaks
+    assert plan(robot, compiled.motion).peaks
     start_s = compiled.steps[2].from_s
-    t_s = np.linspace(start_s, compiled.trajectory.duration_s, 100)
-    tool = make_kinematics(robot).forward(compiled.trajectory.positions(t_s))
+    t_s = np.linspace(start_s, compiled.motion.duration_s, 100)
+    tool = make_kinematics(robot).forward(compiled.motion.positions(t_s))
     assert np.hypot(tool[:, 0] - 100.0, tool[:, 1] - 60.0) == pytest.approx(np.full(100, 20.0), abs=1e-9)
 
 

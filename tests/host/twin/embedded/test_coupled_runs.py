@@ -35,7 +35,7 @@ def test_a_run_is_verified(coupling: str, fast_kernel: Kernel) -> None:
     report = outcome.report
     assert outcome.fault is None
     assert report.reasons == ()
-    ends = made.trajectory.positions(np.array([made.trajectory.duration_s]))[0]
+    ends = made.motion.positions(np.array([made.motion.duration_s]))[0]
     assert report.joints.end == pytest.approx(ends, abs=2 / STEPS_PER_DEG)
     assert [axis.steps_end for axis in report.axes] == pytest.approx(robot.to_steps(ends), abs=0.6)
     assert report.tool.position_error_mm_max < 0.2
@@ -58,7 +58,7 @@ def test_the_verifier_needs_the_coupling(fast_kernel: Kernel) -> None:
     made = carried(coupled_robot())
     outcome = execute(made, "carried", fast_kernel)
     for coupling in ("", TWO_TO_ONE):
-        expected = Expectation.of(coupled_robot(coupling), made.trajectory)
+        expected = Expectation.of(coupled_robot(coupling), made.motion)
         report = verify(expected, outcome.comparison.evidence, outcome.report.run)
         assert any(reason.startswith("th2: ") for reason in report.reasons)
         assert not any(reason.startswith("th1: ") for reason in report.reasons)
@@ -70,7 +70,7 @@ def test_a_lost_step_of_the_shoulder_bends_the_elbow_in_the_report(fast_kernel: 
     robot = coupled_robot()
     made = carried(robot)
     outcome = execute(made, "carried", fast_kernel)
-    expected = Expectation.of(robot, made.trajectory)
+    expected = Expectation.of(robot, made.motion)
     assert expected.joints(np.array([-1, 0, 0, 0])) == pytest.approx([-1 / STEPS_PER_DEG, 1 / STEPS_PER_DEG, 0.0, 0.0])
     comparison = compare(expected, outcome.comparison.evidence)
     assert [len(axis.signs) for axis in comparison.ideal] == [len(axis.signs) for axis in comparison.counted]

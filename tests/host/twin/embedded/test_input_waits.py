@@ -14,6 +14,7 @@ from steptwin.host.operate.inputs_outputs import streamed_motion
 from steptwin.host.operate.running import execute_live
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import read_status
+from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.motions.composer import Composer, Sequence
 from steptwin.host.planning.planner import plan, plan_stretched
 from steptwin.host.record.folder import read_run, verify_folder
@@ -25,12 +26,13 @@ from steptwin.host.twin.machine.input_changes import InputChange
 from steptwin.host.verify import Expectation, compare, verify_comparison
 from steptwin.protocol.pvt import PvtRecord
 from tests.host.complaints import complaint_of
+from tests.laws import law_of
 from tests.messages import refusing
 
 ROBOT = load_robot("teaching-scara")
 
 
-def motion() -> Sequence:
+def motion() -> Motion:
     """Return a motion of th1 there and back, with a wait for each level of the input."""
     composer = Composer(ROBOT, np.array(ROBOT.home))
     composer.go_some({"th1": 30.0, "th4": 10.0})
@@ -58,7 +60,7 @@ def test_it_goes_on_after_the_inputs(outcome: Outcome) -> None:
         late_ms = 1000 * (wait.at_s + wait.stood_s - change.at_s)
         assert LEAD_MS - HOLD_MS <= late_ms <= LEAD_MS + 3 * HOLD_MS
     stood_s = first.stood_s + second.stood_s
-    assert outcome.report.run.duration_s == pytest.approx(PLAN.trajectory.duration_s + stood_s)
+    assert outcome.report.run.duration_s == pytest.approx(PLAN.motion.duration_s + stood_s)
     assert outcome.to_dict()["waits"][0] == {
         "input": "part_ready", "on": True, "at_s": first.at_s, "stood_s": first.stood_s,
     }  # fmt: skip
@@ -79,7 +81,7 @@ def test_the_folder_holds_what_was_executed(outcome: Outcome, tmp_path: Path) ->
 
 
 def test_against_the_plan_without_the_standstills_it_fails(outcome: Outcome) -> None:
-    expected = Expectation.of(ROBOT, PLAN.trajectory)
+    expected = Expectation.of(ROBOT, PLAN.motion)
     report = verify_comparison(compare(expected, outcome.comparison.evidence), outcome.report.run)
     assert not report.passed
 
@@ -189,4 +191,4 @@ class TestLive:
         assert status.inputs == {"part_ready": False}
         board.set_input("part_ready", on=True)
         assert read_status(session).inputs == {"part_ready": True}
-        assert execute_live(session, plan(ROBOT, MOTION.parts[0]), "on", approach=True).passed
+        assert execute_live(session, plan(ROBOT, law_of(MOTION, Sequence).parts[0]), "on", approach=True).passed

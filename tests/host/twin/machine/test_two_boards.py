@@ -25,7 +25,7 @@ EXAMPLE = read_page("docs/programs/ar4-mk3.toml")
 def test_boards_with_other_crystals_take_the_tool_from_its_place(
     fast_kernel: Kernel, crystals_ppm: tuple[int, ...], off_mm: float
 ) -> None:
-    motion = plan(AR4, compile_program(parse_program(EXAMPLE, Findings()), AR4).trajectory)
+    motion = plan(AR4, compile_program(parse_program(EXAMPLE, Findings()), AR4).motion)
     boards = None if len(crystals_ppm) == 1 else [3, 3]
     outcome = execute(motion, "example", fast_kernel, axes_per_board=boards, crystal_ppm=crystals_ppm)
     assert outcome.passed is not any(crystals_ppm)

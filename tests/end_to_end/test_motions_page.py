@@ -1,4 +1,4 @@
-"""docs/trajectory-files.md: its files run, and its commands print what it shows."""
+"""docs/motions.md: its files run, and its commands print what it shows."""
 
 import re
 import shlex
@@ -9,7 +9,7 @@ import pytest
 from steptwin.host.cli.app import run
 from tests.end_to_end.pages import ROOT
 
-TEXT = (ROOT / "docs" / "trajectory-files.md").read_text(encoding="utf-8")
+TEXT = (ROOT / "docs" / "motions.md").read_text(encoding="utf-8")
 FILES = re.findall(r"This is `([^`]+)`.*?```csv\n(.*?)```", TEXT, re.DOTALL)
 SESSIONS = "".join(re.findall(r"```console\n(.*?)```", TEXT, re.DOTALL))
 COMMANDS = [command.split("\n") for command in SESSIONS.removeprefix("$ ").rstrip("\n").split("\n$ ")]

@@ -1,4 +1,4 @@
-"""docs/tutorial.md, "In a browser": what a reader does on the page, by its service, and what is seen of it."""
+"""docs/live-session.md, "In a browser": what a reader does on the page, by its service, and what is seen of it."""
 
 import json
 import time

@@ -1,4 +1,4 @@
-"""docs/tutorial.md: its commands, typed in its terminals, print what the page shows."""
+"""docs/live-session.md: its commands, typed in its terminals, print what the page shows."""
 
 import doctest
 import re
@@ -18,7 +18,7 @@ from tests.end_to_end.command_line import PROGRAM
 from tests.end_to_end.pages import blocks_of, read_page
 from tests.end_to_end.served import explain, in_real_time, late_ms_of
 
-PAGE = read_page("docs/tutorial.md")
+PAGE = read_page("docs/live-session.md")
 PORT_SHOWN = "29536"
 CONNECT = "--connect 127.0.0.1"
 COB_RECORDS = COB_RPDO[3] + FIRST_NODE_ID

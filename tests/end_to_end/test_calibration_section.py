@@ -1,4 +1,4 @@
-"""docs/calibration.md: its commands, run one after the other, print what it shows; its program runs."""
+"""The calibration in docs/machines.md: its commands, run one after the other, print what it shows; its program runs."""
 
 import re
 import shlex
@@ -9,7 +9,7 @@ import pytest
 from steptwin.host.cli.app import run
 from tests.end_to_end.pages import blocks_of, read_page, run_python
 
-PAGE = read_page("docs/calibration.md")
+_, _, PAGE = read_page("docs/machines.md").partition("## Calibration")
 BLOCKS = blocks_of(PAGE)
 (PROGRAM,) = [text for language, text in BLOCKS if language == "python"]
 (ERRORS,) = [text for language, text in BLOCKS if language == "toml"]
@@ -24,7 +24,7 @@ def test_the_commands_print_what_the_page_shows(
     pytest.importorskip("matplotlib")
     monkeypatch.chdir(tmp_path)
     Path("errors.toml").write_text(ERRORS, encoding="utf-8")
-    assert len(COMMANDS) == 7
+    assert len(COMMANDS) == 6
     for command, *shown in COMMANDS:
         program, *words = shlex.split(command)
         if program == "cat":

@@ -1,14 +1,9 @@
-"""Render docs/robots.md, of hand-written pieces filled from the robots' files and runs."""
+"""Make the table of a job's result on a paper's page, beside the paper's own samples."""
 
 from dataclasses import dataclass
 from typing import Final
 
-from docs.generate import tables
-from docs.generate.commands import DOCS, filled, session
 from docs.generate.markdown import table
-from docs.generate.paper_pages import PAPERS
-from docs.generate.runs import Runs
-from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded.outcome import Outcome
 from steptwin.host.verify.figures import AxisReport
 from steptwin.host.verify.report import Report
@@ -40,7 +35,7 @@ SAMPLED: Final = {
 
 
 def results(outcome: Outcome) -> str:
-    """Return a table with a row for each axis, then the tool, the outputs and the verdict."""
+    """Return a table with a row for each axis, then a list of the tool, the outputs and the verdict."""
     report = outcome.report
     sampled = SAMPLED.get((report.run.robot, report.run.job))
     columns = ["axis", "steps at start", "at end", "pulses", "reversals", "peak steps/s", "error max, steps"]
@@ -49,8 +44,10 @@ def results(outcome: Outcome) -> str:
         columns.insert(4, "pulses in samples")
         for row, pulses in zip(rows, sampled.pulses, strict=True):
             row.insert(4, str(pulses))
+    samples = " The samples are the paper's, with joints rounded to whole steps." if sampled else ""
+    before = f"Steps as the drivers counted them; a perfect counter has an error of 0.5625.{samples}"
     lines = [_tool(report, sampled), *_outputs(report), _verdict(report)]
-    return "\n".join([table(columns, rows), "", *(f"- {line}" for line in lines)])
+    return "\n".join([before, "", table(columns, rows), "", *(f"- {line}" for line in lines)])
 
 
 def _row(axis: AxisReport) -> list[str]:
@@ -79,52 +76,3 @@ def _outputs(report: Report) -> list[str]:
 def _verdict(report: Report) -> str:
     verdict = "PASSED" if report.passed else f"FAILED: {'; '.join(report.reasons)}"
     return f"{report.run.duration_s:g} s of motion: {verdict}"
-
-
-PAGE: Final = DOCS / "robots.md"
-PICTURE_KINDS: Final = ("path", "joints", "error")
-
-_NOTICE: Final = "<!-- Made by `make docs` from the pieces in docs/robots/: change those, not this file. -->"
-
-
-def picture(robot: str, job: str, kind: str) -> str:
-    """Return the path of a run's picture, relative to the page."""
-    return f"pictures/{robot}-{job}-{kind}.png"
-
-
-def render_robots(runs: Runs) -> str:
-    """Return the whole page; it ends with a newline."""
-    pieces = [_NOTICE, _introduction(), *(_robot(name, runs) for name in PAPERS)]
-    return "\n\n".join(pieces) + "\n"
-
-
-def _introduction() -> str:
-    return filled(DOCS / "robots" / "introduction.md", {"board": lambda _: tables.board()})
-
-
-def _robot(name: str, runs: Runs) -> str:
-    robot = load_robot(name)
-    return filled(
-        DOCS / "robots" / f"{name}.md",
-        {
-            "dimensions": lambda _: tables.dimensions(robot),
-            "dh": lambda _: tables.dh_table(robot),
-            "joints": lambda _: tables.joints(robot),
-            "outputs": lambda _: tables.outputs(robot),
-            "inputs": lambda _: tables.inputs(robot),
-            "places": lambda _: tables.places(robot),
-            "steptwin": session,
-            "options": lambda job: tables.options(robot, job),
-            "results": lambda job: results(runs.outcome(name, job)),
-            "pictures": lambda job: _pictures(name, job),
-        },
-    )
-
-
-def _pictures(robot: str, job: str) -> str:
-    """Show the tool's path on the page and link the other pictures."""
-    path, joints, error = (picture(robot, job, kind) for kind in PICTURE_KINDS)
-    return (
-        f"![Tool path of {robot} {job}, planned and counted]({path})\n\n"
-        f"Also: [planned joint motion]({joints}), [counted minus planned]({error})."
-    )
