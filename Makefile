@@ -43,7 +43,7 @@ test-all: test $(LOWEST)/.installed
 	$(MAKE) test-lowest
 	$(MAKE) lint
 
-# The wheel for every machine, and one for this kind of machine whose hot modules are compiled (docs/benchmarks.md).
+# The wheel for every machine, and one for this kind of machine whose hot modules are compiled (docs/evidence.md).
 wheel: $(BIN)/python
 	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
 
@@ -113,7 +113,7 @@ bench: $(VENV)/.installed-dev
 	$(BIN)/python -m steptwin.bench
 
 # Generate docs/command-line.md, docs/driver.md, docs/protocol.md, docs/programs.md, docs/robot-files.md and docs/papers, and the pictures of
-# these and of docs/waveforms.md. Every job is run for it.
+# these and of docs/run-folder.md. Every job is run for it.
 docs: $(VENV)/.installed
 	$(BIN)/python -m docs.generate
 

@@ -1,4 +1,4 @@
-"""Compile the modules that take most of a run's time to C, for a wheel that asks for it: see docs/benchmarks.md.
+"""Compile the modules that take most of a run's time to C, for a wheel that asks for it: see docs/evidence.md.
 
 mypyc translates the sources as they are. A compiled module lies beside its source in the wheel, and Python loads it
 instead. What is not listed in `pyproject.toml` stays Python, and so does every wheel without this hook.

@@ -1,4 +1,4 @@
-"""Draw the pictures of docs/benchmarks.md: `python -m steptwin.bench.benchmark_pictures [DIR]` measures again."""
+"""Draw the pictures of docs/evidence.md: `python -m steptwin.bench.benchmark_pictures [DIR]` measures again."""
 
 import sys
 from collections.abc import Callable

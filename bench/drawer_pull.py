@@ -152,7 +152,7 @@ def compiled_here() -> bool:
 def compiled_text() -> str:
     """Return what compiling the hot modules saves: the shortest of ROUNDS medians with them and with their sources."""
     if not compiled_here():
-        return "No modules are compiled here: docs/benchmarks.md says how to install a wheel with compiled ones"
+        return "No modules are compiled here: docs/evidence.md says how to install a wheel with compiled ones"
     rounds = [(_measured("compiled"), _measured("sources")) for _ in range(ROUNDS)]
     (compiled_s, compiled_ratio), (sources_s, sources_ratio) = map(min, zip(*rounds, strict=True))
     return (

@@ -53,7 +53,7 @@ def firmware_tables() -> Iterator[Table | str]:
 
 
 def _built(compiler: str, folder: Path) -> Path:
-    """Compile the example as docs/own-firmware.md does."""
+    """Compile the example as docs/firmware.md does."""
     for name, text in interface_files().items():
         (folder / name).write_text(text, encoding="utf-8")
     library = folder / "fw.so"

@@ -14,10 +14,12 @@ from steptwin.host.common.features import Feature
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 HOUSE = (DOCS / "house.md").read_text(encoding="utf-8")
-PAGES = ("benchmarks", "board", "canopen", "driver", "firmware", "house", "motions", "protocol", "robots", "waveforms")
+PAGES = ("captures", "driver", "evidence", "faults", "firmware", "house", "motions", "protocol", "shadow")
 
-PLACE = re.compile(r"([\w.-]+/[\w./-]*|[\w-]+\.(?:py|toml|md)|Makefile)(?:: (\w+(?:\.\w+)*(?:, \w+(?:\.\w+)*)*))?")
-"""A path, perhaps with names that the file defines: `host/planning/planner.py: plan`."""
+PLACE = re.compile(
+    r"(?!\w+_msgs/)([\w.-]+/[\w./-]*|[\w-]+\.(?:py|toml|md)|Makefile)(?:: (\w+(?:\.\w+)*(?:, \w+(?:\.\w+)*)*))?"
+)
+"""A path, perhaps with names that the file defines: `host/planning/planner.py: plan`; no type of ROS' messages."""
 MEMBER = re.compile(r"([A-Z]\w+\.[a-z_]\w*)(?:\(.*\))?")
 """A member of a class, without its file: `Simulation.send`, `Machine.wait(dt_s)`."""
 MODULE = re.compile(r"steptwin(\.\w+)+")

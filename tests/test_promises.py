@@ -61,11 +61,11 @@ PROMISES = [
     Promise("docs/panel.md", "A browser that is gone loses its place after 20 s", server._RECONNECT_S, 20.0),
     Promise("docs/panel.md", "or a program, of at most 10 MB", guard.BODY_BYTES_MAX, 10_000_000),
     # --- who is in charge, and who is lost
-    Promise("docs/canopen.md", "sends a heartbeat every 100 ms as node 0x7F", lease.PERIOD_S, 0.1),
-    Promise("docs/canopen.md", "0x1016:01 = 0x7F015E, which is 350 ms", lease.WATCH_HOST, 0x7F015E),
-    Promise("docs/hardware.md", "misses its host's heartbeat for 350 ms", lease.TIMEOUT_MS, 350),
-    Promise("docs/canopen.md", "when it has monitored no heartbeat for 1 s", od.CHARGE_UNWATCHED_MS, 1000),
-    Promise("docs/hardware.md", "TPDO1 each 100 ms", TPDO_DEFAULTS[0].event_timer_ms, 100),
+    Promise("docs/protocol.md", "sends a heartbeat every 100 ms as node 0x7F", lease.PERIOD_S, 0.1),
+    Promise("docs/protocol.md", "0x1016:01 = 0x7F015E, which is 350 ms", lease.WATCH_HOST, 0x7F015E),
+    Promise("docs/evidence.md", "misses its host's heartbeat for 350 ms", lease.TIMEOUT_MS, 350),
+    Promise("docs/protocol.md", "when it has monitored no heartbeat for 1 s", od.CHARGE_UNWATCHED_MS, 1000),
+    Promise("docs/evidence.md", "TPDO1 each 100 ms", TPDO_DEFAULTS[0].event_timer_ms, 100),
     Promise("docs/live.md", "wait 0.8 s for an answer", shared_node._PATIENCE_S, 0.8),
     Promise("docs/live.md", "A node has 0.8 s to answer", shared_node._PATIENCE_S, 0.8),
     Promise("docs/live.md", "waited for only 50 ms each until one answers", shared_node._IMPATIENCE_S, 0.05),
@@ -73,7 +73,7 @@ PROMISES = [
     Promise("docs/live.md", "when it has been silent for a second, one more", socketcand_bus.SILENCE_S, 1.0),
     Promise("docs/faults.md", "which the host notices after 1 s", waiting.SILENCE_S, 1.0),
     Promise("docs/faults.md", "within 40 ms after it hears of the fault", reaction_times.HOST_NOTICES_MS, 40.0),
-    Promise("docs/canopen.md", "halted and begin no record for 5 s", stream._STALL_S, 5.0),
+    Promise("docs/protocol.md", "halted and begin no record for 5 s", stream._STALL_S, 5.0),
     # --- a served board
     Promise("docs/live.md", "wakes up to 10 ms late, the board catches up", stalls.STALL_NS, 10_000_000),
     Promise("docs/live.md", "first at 0.1 s and then each time", slowness.WORTH_TELLING_MS, 100.0),
@@ -83,25 +83,21 @@ PROMISES = [
     Promise("docs/live.md", "tries again five times a second", tcp_server.ACCEPT_PAUSE_S, 0.2),
     Promise("docs/live.md", "the server holds back frames for 100 ms", socketcand.SILENCE_S, 0.1),
     # --- the board
-    Promise("docs/hardware.md", "The queue holds 64 records", pvt.QUEUE_DEPTH, 64),
-    Promise("docs/canopen.md", "a step more than 250 us late", kernel.TICK_COUNTS, 250 * US),
-    Promise("docs/canopen.md", "leaves its mailboxes empty for 100 us", transmit_queue.PAUSE_COUNTS, 100 * US),
-    Promise("docs/canopen.md", "If a mailbox is not free after 5 ms", transmit_queue.PAUSE_COUNTS_MAX, 5 * MS),
-    Promise("docs/canopen.md", "until a second has passed without a loss", outbox.QUIET_US, 1_000_000),
-    Promise("docs/canopen.md", "two minutes at power-up", objects.ENTRIES[od.HOMING_TIMEOUT_MS].default, 120_000),
-    Promise("docs/board.md", "segments of 8 to 16 ms", ramps.GRAIN_MS, 8),
-    Promise("docs/board.md", "segments of 8 to 16 ms", ramps.PIECE_MS, 16),
-    Promise("docs/board.md", "keeps some 50 ms of them queued", profile_feed.AHEAD_MS, 48),
+    Promise("docs/evidence.md", "The queue holds 64 records", pvt.QUEUE_DEPTH, 64),
+    Promise("docs/protocol.md", "a step more than 250 us late", kernel.TICK_COUNTS, 250 * US),
+    Promise("docs/protocol.md", "leaves its mailboxes empty for 100 us", transmit_queue.PAUSE_COUNTS, 100 * US),
+    Promise("docs/protocol.md", "If a mailbox is not free after 5 ms", transmit_queue.PAUSE_COUNTS_MAX, 5 * MS),
+    Promise("docs/protocol.md", "until a second has passed without a loss", outbox.QUIET_US, 1_000_000),
+    Promise("docs/protocol.md", "two minutes at power-up", objects.ENTRIES[od.HOMING_TIMEOUT_MS].default, 120_000),
+    Promise("docs/evidence.md", "segments of 8 to 16 ms", ramps.GRAIN_MS, 8),
+    Promise("docs/evidence.md", "segments of 8 to 16 ms", ramps.PIECE_MS, 16),
+    Promise("docs/evidence.md", "keeps some 50 ms of them queued", profile_feed.AHEAD_MS, 48),
     Promise("docs/run-folder.md", "72 000 000", timer.COUNTS_PER_SECOND, SECOND),
     # --- the verdict
     Promise("README.md", "which steps at 9/16 of a step", oracle.THRESHOLD_STEPS, 9 / 16),
     Promise("README.md", "fails above 0.57 at 1/16", gates.POSITION_ERROR_LIMIT_STEPS, 0.57),
-    Promise(
-        "docs/live-commands.md", "more than 9/16 step, the firmware's hysteresis", running.END_ERROR_STEPS_MAX, 9 / 16
-    ),
-    Promise(
-        "docs/benchmarks.md", "without crossings slower than 1 % of the axis' fastest", matching.SLOW_CROSSING, 0.01
-    ),
+    Promise("docs/live.md", "more than 9/16 step, the firmware's hysteresis", running.END_ERROR_STEPS_MAX, 9 / 16),
+    Promise("docs/evidence.md", "without crossings slower than 1 % of the axis' fastest", matching.SLOW_CROSSING, 0.01),
     Promise("docs/motors.md", "1 - needs / has; a warning below 30 %", verdict.MARGIN_MIN, 0.30),
     # --- motions and files
     Promise("docs/programs.md", "stands still for 0.3 s", composer.SWITCHING_S, 0.3),
@@ -117,11 +113,11 @@ PROMISES = [
     Promise("docs/run-folder.md", "3 600 001 points or 3 GiB", file_limits.CSV_BYTES_MAX, 3 * GIB),
     Promise("docs/run-folder.md", "a `report.json` of more than 16 MiB", file_limits.REPORT_BYTES_MAX, 16 * MIB),
     Promise("docs/run-folder.md", "a `robot.toml` of more than 256 KiB", file_limits.ROBOT_BYTES_MAX, 256 << 10),
-    Promise("docs/recorded-buses.md", "of more than 2 GiB", file_limits.RECORDED_BYTES_MAX, 2 * GIB),
-    Promise("docs/recorded-buses.md", "of more than 5 000 000 frames", file_limits.RECORDED_FRAMES_MAX, 5_000_000),
-    Promise("docs/recorded-buses.md", "more than a day by its time stamps", reading._LASTS_S_MAX, 86_400),
-    Promise("docs/campaigns.md", "every 1 000 runs or 30 s", results.PART_ROWS, 1000),
-    Promise("docs/campaigns.md", "every 1 000 runs or 30 s", results.PART_S, 30.0),
+    Promise("docs/shadow.md", "of more than 2 GiB", file_limits.RECORDED_BYTES_MAX, 2 * GIB),
+    Promise("docs/shadow.md", "of more than 5 000 000 frames", file_limits.RECORDED_FRAMES_MAX, 5_000_000),
+    Promise("docs/shadow.md", "more than a day by its time stamps", reading._LASTS_S_MAX, 86_400),
+    Promise("docs/faults.md", "every 1 000 runs or 30 s", results.PART_ROWS, 1000),
+    Promise("docs/faults.md", "every 1 000 runs or 30 s", results.PART_S, 30.0),
 ]
 
 

@@ -1,4 +1,4 @@
-"""Reserve the axis for one program at a time: object 2017h (docs/canopen.md, "One program in charge")."""
+"""Reserve the axis for one program at a time: object 2017h (docs/protocol.md, "One program in charge")."""
 
 from typing import Final
 

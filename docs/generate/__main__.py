@@ -2,14 +2,10 @@
 
 from docs.generate.api_page import API_PAGE
 from docs.generate.command_line import COMMAND_LINE_PAGE, render_command_line
-from docs.generate.conform_page import CONFORM_PAGE
 from docs.generate.drawer_pull_film import write_drawer_pull_film
 from docs.generate.driver_page import DRIVER_PAGE, write_driver_pictures
-from docs.generate.machine_pages import (
-    CONTROL_PORT_PAGE,
-    FAULTS_PAGE,
-    RUN_FOLDER_PAGE,
-)
+from docs.generate.machine_pages import FAULTS_PAGE, RUN_FOLDER_PAGE
+from docs.generate.masters_page import MASTERS_PAGE
 from docs.generate.motion_pictures import write_motion_pictures
 from docs.generate.paper_pages import write_papers
 from docs.generate.pictures import (
@@ -29,11 +25,10 @@ def main() -> None:
     """Write the pages and their pictures; each run is made once."""
     API_PAGE.write()
     COMMAND_LINE_PAGE.write_text(render_command_line(), encoding="utf-8")
-    CONFORM_PAGE.write()
-    CONTROL_PORT_PAGE.write()
     DRIVER_PAGE.write()
     write_driver_pictures()
     FAULTS_PAGE.write()
+    MASTERS_PAGE.write()
     PROGRAMS_PAGE.write()
     PROTOCOL_PAGE.write()
     ROBOT_FILES_PAGE.write()

@@ -43,7 +43,7 @@ def _command(command: CliCommand, context: Any) -> str:
     return "\n\n".join(
         [
             f"### `steptwin {command.name}`",
-            _MARK.sub(r"\\\1", command.help or ""),
+            _MARK.sub(r"\\\1", "\n\n".join(command.paragraphs)),
             code(" ".join(usage.split())),
             table(["", "means"], rows, text_columns=2),
             code("\n".join(command.examples)),

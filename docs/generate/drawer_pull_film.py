@@ -123,8 +123,8 @@ def _scene(figure: Figure, shown_mm: FloatArray, floor_mm: float) -> Axes:
     """Return axes true to scale that hold the points, with a grid of 100 mm on the floor."""
     axes = figure.add_axes(_SCENE)
     axes.set_axis_off()
-    seen = np.concatenate([seen(shown_mm), seen(shown_mm * (1.0, 1.0, 0.0) + (0.0, 0.0, floor_mm))])
-    middle, half = (seen.min(axis=0) + seen.max(axis=0)) / 2, 1.1 * np.ptp(seen, axis=0) / 2
+    ends = np.concatenate([seen(shown_mm), seen(shown_mm * (1.0, 1.0, 0.0) + (0.0, 0.0, floor_mm))])
+    middle, half = (ends.min(axis=0) + ends.max(axis=0)) / 2, 1.1 * np.ptp(ends, axis=0) / 2
     half = np.array(axes.bbox.size) * (half / axes.bbox.size).max()
     axes.set(xlim=middle[0] + np.array([-1.0, 1.0]) * half[0], ylim=middle[1] + np.array([-1.0, 1.0]) * half[1])
     (x0, y0), (x1, y1) = 100 * (shown_mm[:, :2].min(axis=0) // 100), -100 * (-shown_mm[:, :2].max(axis=0) // 100)

@@ -1,5 +1,6 @@
 """Render docs/driver.md: the driver's tables and profiles, and a run with other drivers than it was planned for."""
 
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any, Final
 
@@ -33,7 +34,7 @@ from steptwin.protocol.drivers import (
     StepTimes,
     bare_chip,
 )
-from steptwin.protocol.drivers.tb6560 import PINS, THREE_AMP_MODULE
+from steptwin.protocol.drivers.tb6560 import PINS, THREE_AMP_MODULE, PinKind
 from steptwin.protocol.timer import COUNTS_PER_US
 
 LATE_DIR: Final = DOCS / "pictures" / "driver-late-dir.png"
@@ -111,7 +112,11 @@ _CAPACITORS_PF: Final = (100, 330, 1000)
 
 
 def _pins() -> str:
-    rows = [[str(pin.number), pin.name, pin.kind.value, pin.function, str(pin.page)] for pin in PINS]
+    rows = [
+        [str(pin.number), pin.name, pin.kind.value, pin.function, str(pin.page)]
+        for pin in PINS
+        if pin.kind in (PinKind.INPUT, PinKind.OPEN_DRAIN)
+    ]
     return table(["pin", "name", "kind", "function", "page"], rows, text_columns=4)
 
 
@@ -182,7 +187,7 @@ def _profiles() -> str:
     rows.append(
         [f"`{GENERIC}`", "a driver without a profile, by the robot file's [board.driver]", "-", "the table's times"]
     )
-    return table(["profile", "driver", "delay", "requires"], rows, text_columns=4)
+    return table(["profile", "driver", "delay", "requires beside the chip's times"], rows, text_columns=4)
 
 
 def _delays(profile: DriverProfile) -> str:
@@ -197,9 +202,9 @@ def _delays(profile: DriverProfile) -> str:
 
 def _asked(profile: DriverProfile) -> str:
     texts = [f"{name} {ns / 1e3:g} us" for name in _STEP_TIMES if (ns := profile.times.ns(f"{name}_ns"))]
-    edge = f"; active edge {profile.active_edge}" if texts else ""
-    width = f": CLK high {profile.chip.pulse_min_counts / _US:g} us" if profile.chip.oscillator else ""
-    return (", ".join(texts) or f"the chip's times{width}") + edge
+    if texts:
+        return f"{', '.join(texts)}; active edge {profile.active_edge}"
+    return f"CLK high {profile.chip.pulse_min_counts / _US:g} us" if profile.chip.oscillator else "-"
 
 
 _OTHER_OSC: Final = ("chip-100pf", "chip-1000pf")
@@ -255,27 +260,36 @@ def _marked(fact: Fact[int] | None, unit: float) -> str:
 
 
 def _figures() -> str:
-    """Return a row for each figure of each driver: its value, how it is known, and its source."""
-    rows, told = [], set[str]()
+    """Return a row for each source of each driver: its figures, and how they are known."""
+    rows, seen = [], set[str]()
     for profile in PROFILES.values():
         if profile.name in _OTHER_OSC:
             continue
-        if profile.chip.name not in told:
-            told.add(profile.chip.name)
-            facts = _facts(profile.chip.times) | _facts(profile.chip)
-            rows += [[profile.chip.name, *_figure(name, fact)] for name, fact in facts.items()]
-        facts = {name: fact for name, fact in (_facts(profile.times) | _facts(profile)).items() if fact.value != WIRE}
-        rows += [[f"`{profile.name}`", *_figure(name, fact)] for name, fact in facts.items()]
-    return table(["driver", "figure", "value", "known", "source"], rows, text_columns=5)
+        if profile.chip.name not in seen:
+            seen.add(profile.chip.name)
+            rows += _by_source(profile.chip.name, _facts(profile.chip.times) | _facts(profile.chip))
+        own = {name: fact for name, fact in (_facts(profile.times) | _facts(profile)).items() if fact.value != WIRE}
+        rows += _by_source(f"`{profile.name}`", own)
+    return table(["driver", "figures", "known", "source"], rows, text_columns=4)
+
+
+def _by_source(driver: str, facts: Mapping[str, Fact[Any]]) -> list[list[str]]:
+    """Return a row for each document or assumption: its figures, each with the place in the document."""
+    documents: dict[tuple[Grade, str], dict[str, list[str]]] = {}
+    for name, fact in facts.items():
+        document, _, place = (fact.source, "", "") if fact.grade is Grade.ASSUMED else fact.source.partition(", ")
+        places = documents.setdefault((fact.grade, document), {})
+        places.setdefault(place, []).append(f"`{name}` {_value(fact.value)}")
+    rows = []
+    for (grade, document), places in documents.items():
+        told = [", ".join(each) + (f" ({place})" if place else "") for place, each in places.items()]
+        rows.append([driver, "; ".join(told), grade.value, document])
+    return rows
 
 
 def _facts(record: StepTimes | ChipSheet | DriverProfile) -> dict[str, Fact[Any]]:
     found = {field.name: getattr(record, field.name) for field in fields(record)}
     return {name: fact for name, fact in found.items() if isinstance(fact, Fact)}
-
-
-def _figure(name: str, fact: Fact[Any]) -> list[str]:
-    return [f"`{name}`", _value(fact.value), fact.grade.value, fact.source]
 
 
 def _value(value: Any) -> str:

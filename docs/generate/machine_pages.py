@@ -1,7 +1,7 @@
 """Render what pages say of the emulated machine and its runs.
 
-docs/faults.md has an example, all faults and their documented reactions, docs/control-port.md the requests,
-docs/robot-files.md the options on the command line and in Python, docs/run-folder.md the figures of reports.
+docs/faults.md has an example, all faults and their documented reactions, docs/robot-files.md the options on the
+command line and in Python, docs/run-folder.md the figures of reports.
 """
 
 import re
@@ -12,10 +12,11 @@ from typing import Any, Final
 from docs.generate.commands import DOCS, GeneratedPage, session
 from docs.generate.markdown import table
 from docs.generate.paper_pages import PAPERS
+from steptwin.features.faults.fault import Key
 from steptwin.features.faults.judge import longest_ramp_ms
 from steptwin.features.faults.kinds import DOCUMENTED
 from steptwin.features.faults.reaction import MotionEffect, Reaction
-from steptwin.features.faults.requests import INJECTED, REQUESTS, description, keys_of, sentence, usage
+from steptwin.features.faults.requests import REQUESTS, description, keys_of, sentence
 from steptwin.host.common.choices import STATE
 from steptwin.host.common.features import giving
 from steptwin.host.robots import load_robot
@@ -25,16 +26,25 @@ from steptwin.host.verify.figures import axis_figures
 EXAMPLE: Final = DOCS / "examples" / "faults" / "carry.toml"
 
 
+PLAIN: Final = {"number", "whole number", "name of a joint"}
+"""Descriptions of keys that their names give as well."""
+
+
 def _requests() -> str:
     rows = []
     for do in REQUESTS:
         if do != STATE:
-            needed, others = (
-                ", ".join(f"`{key.name}`" for key in keys_of(do).values() if key.optional == optional) or "-"
+            keys = [
+                "; ".join(_written(key) for key in keys_of(do).values() if key.optional == optional)
                 for optional in (False, True)
-            )
-            rows.append([f"`{do}`", needed, others, sentence(do)])
+            ]
+            rows.append([f"`{do}`", *(each or "-" for each in keys), sentence(do)])
     return table(["`do`", "keys", "may also have", ""], rows, text_columns=4)
+
+
+def _written(key: Key) -> str:
+    says = description(key)
+    return f"`{key.name}`" if says in PLAIN else f"`{key.name}`: {says}"
 
 
 def _reactions() -> str:
@@ -56,7 +66,7 @@ def _begins(reaction: Reaction) -> str:
 
 def _position(reaction: Reaction) -> str:
     if not reaction.verified:
-        return "wrong: the verdict tells it"
+        return "wrong: the verdict reports it"
     return "known" if reaction.position_known else "unknown, if it moved"
 
 
@@ -75,30 +85,6 @@ FAULTS_PAGE: Final = GeneratedPage(
         "reactions": lambda _: _reactions(),
         "ramps": lambda _: _ramps(),
     },
-)
-
-
-def _request_words() -> str:
-    rows = [[f"`{do} {usage(do)}`".replace(" `", "`"), sentence(do)] for do in INJECTED]
-    return table(["`inject ROBOT ...`", ""], rows, text_columns=2)
-
-
-def _keys() -> str:
-    rows = []
-    for do in REQUESTS:
-        keys = [
-            "; ".join(f"`{key.name}`: {description(key)}" for key in keys_of(do).values() if key.optional == optional)
-            or "-"
-            for optional in (False, True)
-        ]
-        rows.append([f"`{do}`", *keys])
-    return table(["`do`", "other keys", "may also have"], rows, text_columns=3)
-
-
-CONTROL_PORT_PAGE: Final = GeneratedPage(
-    "control-port",
-    "the faults in features/faults/kinds/",
-    {"words": lambda _: _request_words(), "keys": lambda _: _keys()},
 )
 
 

@@ -92,8 +92,6 @@ def write_calibration_picture() -> None:
     write_picture(DOCS / "pictures" / "calibration-residuals.png", partial(draw_residuals, _NAME, found))
 
 
-WAVEFORM_PAGE: Final = DOCS / "waveforms.md"
-
 _VIEWS: Final = {"edges": PlotView(1.94, 0.06), "phases": DEFAULT_VIEW, "jitter": DEFAULT_VIEW, "widths": DEFAULT_VIEW}
 """For each picture the window that it shows: Z5 turns around at 1.94 s."""
 

@@ -1,6 +1,9 @@
 """Render docs/protocol.md from the object table, the drive's state table and a short session on the bus."""
 
+import re
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import groupby
 from typing import Final
 
 from docs.generate.commands import GeneratedPage
@@ -57,11 +60,24 @@ _SERVICES: Final = (
 _SDO_COMMANDS: Final = {0x40: "read", 0x23: "write", 0x27: "write", 0x2B: "write", 0x2F: "write", 0x60: "written"}
 
 
+_WRITTEN: Final = 0x60
+_STATUSWORD: Final = bytes((0x41, 0x60, 0x00))
+"""Index and sub-index, as an SDO carries them."""
+_HIGHEST: Final = "Highest sub-index supported"
+_NUMBER: Final = re.compile(r" ?\b\d\b|(?<=PDO)\d")
+
+
 def session() -> str:
     """Play the session; return it as one block."""
     board = _played()
-    lines = [_line(counts, frame) for counts, frame in board.bus_log]
+    lines = [_line(counts, frame) for counts, frame in board.bus_log if not _follows(frame)]
     return code("\n".join(lines))
+
+
+def _follows(frame: Frame) -> bool:
+    """Return True for what only follows from the rest: answers to writes, and reading the statusword."""
+    written = frame.cob_id == COB_SDO_RESPONSE + FIRST_NODE_ID and frame.data[0] == _WRITTEN
+    return written or frame.data[1:4] == _STATUSWORD
 
 
 def _played() -> EmbeddedBoard:
@@ -128,7 +144,7 @@ def _pvt_status(data: bytes) -> str:
 
 
 _CONTROLWORDS: Final = (SHUTDOWN, SWITCH_ON, ENABLE_OPERATION, DISABLE_VOLTAGE, QUICK_STOP, Control.FAULT_RESET)
-_MAPPED: Final = {Mapping.NONE: "", Mapping.RECEIVE: "RPDO", Mapping.TRANSMIT: "TPDO", Mapping.BOTH: "both"}
+_MAPPED: Final = {Mapping.NONE: "", Mapping.RECEIVE: "RPDO", Mapping.TRANSMIT: "TPDO", Mapping.BOTH: "RPDO or TPDO"}
 
 
 def _identifiers() -> str:
@@ -181,21 +197,42 @@ def _errors() -> str:
 
 
 def _objects() -> str:
-    rows = [row for item in OBJECTS for row in _object_rows(item)]
-    columns = ["object", "name", "type", "unit", "access", "default", "range", "PDO"]
-    return table(columns, rows, text_columns=len(columns))
+    """Return the table; objects that differ only in their number and defaults, as those of PDOs, share their rows."""
+    rows = []
+    for _, alike in groupby(OBJECTS, key=lambda item: (_NUMBER.sub("", item.name), *item.entries)):
+        rows += _object_rows([*alike])
+    return table(["object", "name", "type", "access", "default (range)"], rows, text_columns=5)
 
 
-def _object_rows(item: DictionaryObject) -> list[list[str]]:
-    rows = [[_key(item.index, subindex), entry.name, *_facts(entry)] for subindex, entry in item.entries.items()]
-    if len(item.entries) == 1:
+def _object_rows(items: Sequence[DictionaryObject]) -> list[list[str]]:
+    item, last = items[0], items[-1]
+    rows = []
+    for subindex, entry in item.entries.items():
+        unit = entry.unit.value
+        name = entry.name if unit in entry.name else f"{entry.name} in {unit}"
+        kind = f"{'i' if entry.data_type.signed else 'u'}{8 * entry.data_type.size}" if entry.data_type.size else "text"
+        access = ", ".join(filter(None, (entry.access.value, _MAPPED[entry.mapping])))
+        defaults = {_default(each.entries[subindex]) for each in items}
+        value = " ".join(filter(None, (_default(entry) if len(defaults) == 1 else "", _range(entry))))
+        rows.append([_key(item.index, subindex), name, kind, access, value])
+    if len(rows) == 1:
         return rows
-    return [[f"{item.index:04X}", f"**{item.name}**", *[""] * 6], *rows]
+    several = last is not item
+    index = f"{item.index:04X}" + (f" to {last.index:04X}" if several else "")
+    head = [index, f"**{_NUMBER.sub('', item.name) if several else item.name}**", *[""] * 3]
+    return [head, *_runs(rows[1:] if rows[0][1] == _HIGHEST else rows)]
 
 
-def _facts(entry: Entry) -> list[str]:
-    data_type, unit, access = entry.data_type.name.lower(), entry.unit.value, entry.access.value
-    return [data_type, unit, access, _default(entry), _range(entry), _MAPPED[entry.mapping]]
+def _runs(rows: Sequence[list[str]]) -> list[list[str]]:
+    """Return one row for entries that follow each other and differ only in their number."""
+    kept = []
+    for _, same in groupby(rows, key=lambda row: (_NUMBER.sub("", row[1]), *row[2:])):
+        first, *rest = same
+        if rest:
+            key = f"{first[0]} to {rest[-1][0].partition(':')[2]}"
+            first = [key, _NUMBER.sub("", first[1], count=1), *first[2:]]
+        kept.append(first)
+    return kept
 
 
 def _default(entry: Entry) -> str:
@@ -210,7 +247,7 @@ def _range(entry: Entry) -> str:
         return ""
     low = entry.data_type.low if entry.low is None else entry.low
     high = entry.data_type.high if entry.high is None else entry.high
-    return f"{low}..{high}"
+    return f"({low}..{high})"
 
 
 def _key(index: int, subindex: int) -> str:

@@ -15,10 +15,10 @@ from docs.generate.commands import DOCS, GeneratedPage
 from docs.generate.drawing import write_picture
 from docs.generate.machine_pages import machine_options
 from docs.generate.markdown import table
+from steptwin.features.papers.hybrid_arm import GUIDE_PART
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots import load_robot, read_robot
 from steptwin.host.robots.kinematics.base import dimensions, meaning
-from steptwin.host.robots.kinematics.hybrid import GUIDE_PART
 from steptwin.host.robots.kinematics.kinds import kinds
 from steptwin.host.robots.new_file import robot_text, usual_dimensions, usual_joints, with_settings
 

@@ -53,6 +53,8 @@ _FIRST_PAGE: Final = """<!doctype html>
 """
 """Leads from the site's own address to its first page, whose address has the folder of the pages in it."""
 _FOLDER_LINK: Final = re.compile(r"(?<!!)\[([^\]]+)\]\(([^)#:]+)\)")
+_WITHOUT_ENTRY: Final = ("CODE_OF_CONDUCT", "README", "RELEASING", "SECURITY")
+"""Pages that others link to and the menu leaves out."""
 _LISTED: Final = re.compile(r"^- .*?\]\(([^)]+\.md)\)", re.MULTILINE)
 
 
@@ -72,6 +74,8 @@ def _read(_app: Sphinx, page: str, source: list[str]) -> None:
     if page == root_doc:
         head, *sections = text.split("\n## ")
         text = head + "\n" + "".join(map(_menu, sections))
+    elif page in _WITHOUT_ENTRY:
+        text = f"---\norphan: true\n---\n\n{text}"
     source[0] = text
 
 

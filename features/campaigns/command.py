@@ -162,7 +162,7 @@ def campaign(
     asked: CampaignOptions,
     words: list[str] | None = argument(
         "FILE | rerun DIR SEED | report DIR",
-        "A campaign's file (docs/campaigns.md) to run, or to continue where it was interrupted; or a run of a"
+        "A campaign's file (docs/faults.md) to run, or to continue where it was interrupted; or a run of a"
         " campaign's folder to make again, by its seed; or the folder to report.",
     ),
 ) -> None:

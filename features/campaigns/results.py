@@ -1,7 +1,7 @@
 """The folder of a campaign: the campaign itself, and its rows as Parquet files, each written whole or not at all.
 
 Each file holds the rows of some runs and stays as it is. An interrupted campaign makes the missing runs later. Only
-files with the names below count, and each run counts once. docs/campaigns.md describes the columns.
+files with the names below count, and each run counts once. docs/faults.md describes the columns.
 """
 
 import re

@@ -36,7 +36,7 @@ def conform(
 ) -> None:
     """Check a CANopen node against CiA 301 and CiA 402; exit code 1 if it fails.
 
-    The checks are grouped as CiA's conformance test groups them (docs/conform.md). Nothing moves without --motion. A
+    The checks are grouped as CiA's conformance test groups them (docs/masters.md). Nothing moves without --motion. A
     check passes, fails, or differs: the node does what the standard allows, but others do not. A check that the node
     or the options do not allow is skipped, and says why. What a check changes is written back. The node is reset, so
     its drive must be off, and no other master may talk to it.

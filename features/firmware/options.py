@@ -15,7 +15,7 @@ _FIRMWARE: Final = Spelling(
     key="firmware",
     value="FILE",
     example='"build/fw.so"',
-    says="Let each board run this firmware of yours, compiled for this computer (docs/own-firmware.md).",
+    says="Let each board run this firmware of yours, compiled for this computer (docs/firmware.md).",
     served=True,
 )
 

@@ -30,7 +30,7 @@ _NODES: Final = Spelling(
     key="node",
     value="ID=EDS",
     example='{0x40: "io.eds"}',
-    says="Put a further CANopen node, as simple as this EDS, on the bus (docs/nodes.md); repeatable.",
+    says="Put a further CANopen node, as simple as this EDS, on the bus (docs/masters.md); repeatable.",
     read=_node_files,
     repeatable=True,
     served=True,

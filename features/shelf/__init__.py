@@ -1,4 +1,4 @@
-"""A shelf with drawers, spots for single boxes, and the hand that works there; imports the core alone."""
+"""A shelf with drawers, spots for single boxes, and the hand of a paper's robot that works there."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -51,8 +51,8 @@ def _check_slots(robot: "Robot", _: str, slots: Sequence[str]) -> None:
 
 
 def _jobs() -> "Mapping[str, Sequence[Job[Any]]]":
+    from steptwin.features.papers import carry, pull_line
     from steptwin.features.shelf.jobs import CARRY_PARTS, DRAWER_PULL, EVERY_SLOT, FETCH, STORE
-    from steptwin.host.planning.jobs import carry, pull_line
 
     return {pull_line.KIND: (DRAWER_PULL, STORE, FETCH, EVERY_SLOT), carry.KIND: (CARRY_PARTS,)}
 
@@ -136,6 +136,7 @@ def _report_lines(document: Mapping[str, Any]) -> Iterable[str]:
 
 FEATURE: Final = Feature(
     name=NAME,
+    needs=("papers",),
     section=_section,
     robot_tables=_robot_tables,
     program_keys=_program_keys,

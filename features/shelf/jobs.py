@@ -19,15 +19,16 @@ from typing import Final
 
 import numpy as np
 
+from steptwin.features.papers import carry
+from steptwin.features.papers.carry import CARRY, GOAL, GOAL_RAD, START, START_RAD, CarryOptions
+from steptwin.features.papers.pull_line import COMPARTMENTS, KIND, LOCKED_DEG, REACH_MM, TRAVEL_MM
+from steptwin.features.papers.scaling import fitted, in_reach_at_most, with_elbow
 from steptwin.features.shelf import shelf_of
 from steptwin.features.shelf.errand import Carry
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.jobs import carry
-from steptwin.host.planning.jobs.carry import CARRY, GOAL, GOAL_RAD, START, START_RAD, CarryOptions
-from steptwin.host.planning.jobs.job import Job, fitted, in_reach_at_most, with_elbow
+from steptwin.host.planning.jobs.job import Job
 from steptwin.host.planning.jobs.options import number, place
-from steptwin.host.planning.jobs.pull_line import COMPARTMENTS, KIND, LOCKED_DEG, REACH_MM, TRAVEL_MM
 from steptwin.host.planning.laws import Trapezoid
 from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.motions.composer import Composer

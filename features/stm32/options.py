@@ -19,7 +19,7 @@ _IMAGE: Final = Spelling(
     key="image",
     value="FILE",
     example='"build/fw.elf"',
-    says="Let the board run this image of an STM32F103, wired as [stm32] in the robot file says (docs/stm32-image.md).",
+    says="Let the board run this image of an STM32F103, wired as [stm32] in the robot file says (docs/firmware.md).",
     served=True,
 )
 

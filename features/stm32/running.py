@@ -26,7 +26,7 @@ from steptwin.host.verify.report import ViolationReport, violation_reports
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND, COUNTS_PER_US
 
 COST_PERCENT: Final = 25
-"""By how much the time of a stretch of instructions may be wrong: docs/stm32-image.md says how this is known."""
+"""By how much the time of a stretch of instructions may be wrong: docs/firmware.md says how this is known."""
 _NEIGHBOURS: Final = 5
 _SMOOTH: Final = 1.5
 _TEXT_MS: Final = 1

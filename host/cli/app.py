@@ -2,7 +2,7 @@
 
 import logging
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from importlib import import_module
 from io import TextIOWrapper
@@ -28,10 +28,12 @@ class CliCommand(TyperCommand):
     """A command with placeholders such as FILE in its help, and with options that may stand without a value.
 
     Attributes:
+        more: returns paragraphs at the end of its help.
         examples: examples at the end of its help.
         values_alone: default values of options without a value.
     """
 
+    more: Callable[[], Iterable[str]] = tuple
     examples: Sequence[str] = ()
     values_alone: Mapping[str, str] = MappingProxyType({})
 
@@ -45,7 +47,12 @@ class CliCommand(TyperCommand):
     def format_help(self, ctx: Any, _formatter: Any) -> None:
         from steptwin.host.cli.help_layout import print_help
 
-        print_help(self, ctx, ())
+        print_help(self, ctx, self.paragraphs, ())
+
+    @property
+    def paragraphs(self) -> list[str]:
+        """The paragraphs of its help."""
+        return [*(self.help or "").split("\n\n"), *self.more()]
 
 
 class Commands(TyperGroup):
@@ -65,7 +72,7 @@ class Commands(TyperGroup):
     def format_help(self, ctx: Any, _formatter: Any) -> None:
         from steptwin.host.cli.help_layout import print_help
 
-        print_help(self, ctx, command_table().values())
+        print_help(self, ctx, [self.help or ""], command_table().values())
 
 
 _imported: Final[dict[str, CliCommand]] = {}
@@ -100,12 +107,15 @@ app: Final = typer.Typer(
 _Function = TypeVar("_Function", bound=Callable[..., None])
 
 
-def command(*examples: str, negatives: bool = False) -> Callable[[_Function], _Function]:
+def command(
+    *examples: str, negatives: bool = False, more: Callable[[], Iterable[str]] = tuple
+) -> Callable[[_Function], _Function]:
     """Return a decorator that adds a function to the command line, with its name and its docstring as help.
 
     Args:
         examples: words after the command's name, for each example at the end of its help.
         negatives: True if its arguments may be negative numbers, which otherwise look like options.
+        more: returns paragraphs of its help after those of the docstring.
     """
 
     def add(function: _Function) -> _Function:
@@ -124,7 +134,7 @@ def command(*examples: str, negatives: bool = False) -> Callable[[_Function], _F
         )
         made = get_command_from_info(info, pretty_exceptions_short=False, rich_markup_mode=None)
         assert isinstance(made, CliCommand)
-        made.examples, made.values_alone = texts, alone
+        made.examples, made.values_alone, made.more = texts, alone, more
         _imported[name] = made
         return function
 

@@ -4,7 +4,7 @@ typer has a similar layout, but imports a Markdown parser, a syntax highlighter 
 the rest of `--help`.
 """
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from typing import Any, Final
 
 from rich.console import Console, Group
@@ -35,11 +35,13 @@ class _Marks(RegexHighlighter):
 _marked: Final = _Marks()
 
 
-def print_help(command: TyperCommand | TyperGroup, context: Any, table: Collection[CommandRow]) -> None:
+def print_help(
+    command: TyperCommand | TyperGroup, context: Any, paragraphs: Sequence[str], table: Collection[CommandRow]
+) -> None:
     """Print the help of a command, or of the program with its table of commands; `context` is typer's."""
     console = Console(theme=_STYLES, highlighter=_marked)
     console.print(Padding(_marked(command.get_usage(context)), 1), style="bold")
-    first, *others = (command.help or "").split("\n\n")
+    first, *others = paragraphs
     texts = [_marked(Text(first)), *(_marked(Text(f"\n{text}", style="dim")) for text in others)]
     console.print(Padding(Group(*texts), (0, 1, 1, 1)))
     shown = [parameter for parameter in command.get_params(context) if not getattr(parameter, "hidden", False)]

@@ -3,7 +3,7 @@
 Each node accepts one program at a time (object 2017h): it accepts a token only while it has none. A program claims the
 nodes in the order of their ids, so one of two programs gets all of them. Other programs also receive the answers to a
 claim; `OpenRequests` separates them. A claim is successful if the node then returns the token, which all programs read
-alike. A node forgets the token when it loses a heartbeat, or when it has monitored none for a second: docs/canopen.md.
+alike. A node forgets the token when it loses a heartbeat, or when it has monitored none for a second: docs/protocol.md.
 
 Axes that monitor the host's heartbeat stop when it ends. The network repeats the heartbeat, also during a long SDO
 transfer: a bus interface by its own timer, the embedded network by simulated time. The heartbeat has the lowest

@@ -1,4 +1,4 @@
-"""Choices of users: levels, bit rates, NAME=VALUE pairs, names of the control port (docs/control-port.md)."""
+"""Choices of users: levels, bit rates, NAME=VALUE pairs, names of the control port (docs/live.md)."""
 
 from enum import StrEnum
 from typing import Final

@@ -295,13 +295,14 @@ class Feature:
         name: name of the feature, of its table in robot files, of its key in report.json, of its file in run folders.
         needs: the features that it imports.
         section: returns the model of its table of a robot file: a `FileTable` that is a `RobotSection`.
+        robots: the folder of the robot files that it brings.
         robot_tables: returns tables that belong to the file of a robot that StepTwin brings, by the robot's name.
         timer: returns what times motions as a whole: those with `law = "fastest"` or `blend_mm`.
         program_steps: returns the models of its steps of program files, `StepTable`s, by their verbs.
         program_keys: returns the types of its keys of program files; the values become the motion's `expects`.
         check_program: raises InputError for such a value, by its key, that a robot cannot fulfil.
         kinematics: returns its kinds of mechanisms, by name; one that has the name of another kind replaces it.
-        jobs: returns its jobs, by the kind of mechanism; one that has the name of another job replaces it.
+        jobs: returns its jobs, by the kind of mechanism; of two with one name that of the later feature counts.
         job_extra: returns its options of an emulated machine for a job's intent; None if the intent is not its own.
         check_robot: returns warnings about a robot, for `steptwin check`.
         check_travel: raises InputError if something is in the way of a straight move of all joints.
@@ -342,6 +343,7 @@ class Feature:
     name: str
     needs: Sequence[str] = ()
     section: Callable[[], type[Any]] | None = None
+    robots: Path | None = None
     robot_tables: Callable[[str], str] | None = None
     timer: "Callable[[], MotionTimer] | None" = None
     program_steps: "Callable[[], Mapping[str, Any]] | None" = None

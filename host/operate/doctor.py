@@ -75,7 +75,7 @@ def _answers(session: Session, axis: AxisClient) -> Check:
 def _robot(session: Session, axis: AxisClient) -> Check:
     """Check the robot name that the axis stores; an axis without a name passes."""
     expected, found = stored_name(session.robot.name), axis.read_text(od.ROBOT_NAME)
-    says = found or "the axis carries no robot's name (docs/canopen.md)"
+    says = found or "the axis carries no robot's name (docs/protocol.md)"
     if found and found != expected:
         return Check(f"{axis.name} robot", False, f"{found}, not {expected}", InputError.exit_code)
     return Check(f"{axis.name} robot", True, says)

@@ -222,10 +222,6 @@ class Trapezoid:
         s = v (t - t1 / 2)              t1 <= t <= T - t1
         s = S - v (T - t)^2 / (2 t1)    T - t1 <= t <= T
 
-    Source: A. Jiang, L. Guo, X. Tan, "Development of Prototype of a New Intelligent Warehouse Robot", 2019, corrected:
-    the paper prints the first branch twice as large, so that it jumps at t1, and repeats the second branch as the
-    third, which ends beyond S.
-
     Attributes:
         distance: S, in any unit, may be negative; velocities are in that unit per second.
         duration_s: T, a whole number of milliseconds above 0; a time out of its range raises InputError.

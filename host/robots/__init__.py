@@ -1,12 +1,9 @@
 """Robots: one TOML file for each robot that StepTwin brings; a user's own file has the same form.
 
-The folder `papers` holds the robots of papers, `machines` those that people build and no paper describes.
+The folder `machines` holds robots that people build; features bring others.
 """
 
 from functools import cache
-from importlib.resources import files
-from importlib.resources.abc import Traversable
-from operator import attrgetter
 from pathlib import Path
 from typing import Final
 
@@ -33,22 +30,22 @@ SUFFIX: Final = ".toml"
 """End of the name of a robot's file."""
 
 
-def _brought(folder: str) -> dict[str, Traversable]:
-    """Return the robot files of one folder of this package, by the robots' names, sorted."""
-    found = (entry for entry in (files(__name__) / folder).iterdir() if entry.name.endswith(SUFFIX))
-    return {file.name.removesuffix(SUFFIX): file for file in sorted(found, key=attrgetter("name"))}
+_FOLDER: Final = Path(__file__).with_name("machines")
 
 
-_PAPERS: Final = _brought("papers")
-_MACHINES: Final = _brought("machines")
+def _brought() -> dict[str, Path]:
+    """Return the robot files by the robots' names: those of features, then those of the core, sorted in each folder."""
+    folders = (*(folder for _, folder in giving("robots")), _FOLDER)
+    return {file.stem: file for folder in folders for file in sorted(folder.glob(f"*{SUFFIX}"))}
 
-MACHINES: Final = tuple(_MACHINES)
-"""The robots of machines that people build, which no paper describes."""
+
+MACHINES: Final = tuple(sorted(file.stem for file in _FOLDER.glob(f"*{SUFFIX}")))
+"""The robots of the core: machines that people build."""
 
 
 def robot_names() -> tuple[str, ...]:
-    """Return the names of the robots that StepTwin brings: those of papers, sorted, then the machines."""
-    return (*_PAPERS, *MACHINES)
+    """Return the names of the robots that StepTwin brings: those of features, then those of the core."""
+    return tuple(_brought())
 
 
 def brought_text(name: str) -> str:
@@ -59,7 +56,7 @@ def brought_text(name: str) -> str:
     """
     if name not in robot_names():
         raise unknown("robot", name, robot_names())
-    text = {**_PAPERS, **_MACHINES}[name].read_text(encoding="utf-8")
+    text = _brought()[name].read_text(encoding="utf-8")
     return text + "".join(tables(name) for _, tables in giving("robot_tables"))
 
 

@@ -10,16 +10,11 @@ import pytest
 
 from docs.generate.command_line import COMMAND_LINE_PAGE, render_command_line
 from docs.generate.commands import DOCS
-from docs.generate.conform_page import CONFORM_PAGE
 from docs.generate.driver_page import DRIVER_PAGE
-from docs.generate.machine_pages import (
-    CONTROL_PORT_PAGE,
-    FAULTS_PAGE,
-    RUN_FOLDER_PAGE,
-)
+from docs.generate.machine_pages import FAULTS_PAGE, RUN_FOLDER_PAGE
+from docs.generate.masters_page import MASTERS_PAGE
 from docs.generate.paper_pages import PAPERS, PAPERS_FOLDER, render_paper
 from docs.generate.paper_results import SAMPLED
-from docs.generate.pictures import WAVEFORM_PAGE
 from docs.generate.programs_page import PROGRAMS_PAGE
 from docs.generate.protocol import PROTOCOL_PAGE
 from docs.generate.robot_drawings import ROBOT_FILES_PAGE, drawing
@@ -35,7 +30,6 @@ from steptwin.host.robots.switches import JointHoming, JointSwitches
 from tests.end_to_end.marks import slow_but
 from tests.end_to_end.pages import ROOT, run_python
 
-BENCHMARKS = (DOCS / "benchmarks.md").read_text(encoding="utf-8")
 MACHINES_PAGE = (DOCS / "machines.md").read_text(encoding="utf-8")
 ROBOT_FILES = (DOCS / "robot-files.md").read_text(encoding="utf-8")
 ALL_TEXT = "".join(path.read_text(encoding="utf-8") for path in sorted(DOCS.glob("*.md")))
@@ -61,12 +55,8 @@ def test_the_page_of_faults_is_up_to_date(monkeypatch: pytest.MonkeyPatch) -> No
     assert FAULTS_PAGE.render() == FAULTS_PAGE.path.read_text(encoding="utf-8")
 
 
-def test_the_page_of_conformance_is_up_to_date() -> None:
-    assert CONFORM_PAGE.render() == CONFORM_PAGE.path.read_text(encoding="utf-8")
-
-
-def test_the_page_of_the_control_port_is_up_to_date() -> None:
-    assert CONTROL_PORT_PAGE.render() == CONTROL_PORT_PAGE.path.read_text(encoding="utf-8")
+def test_the_page_of_masters_is_up_to_date() -> None:
+    assert MASTERS_PAGE.render() == MASTERS_PAGE.path.read_text(encoding="utf-8")
 
 
 def test_the_page_of_programs_is_up_to_date() -> None:
@@ -145,7 +135,8 @@ def test_the_commands_for_waveforms(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     """All commands in their order."""
     pytest.importorskip("matplotlib", reason="the extra `plot` (matplotlib) is not installed")
     monkeypatch.chdir(tmp_path)
-    block = re.findall(r"^```\n(.*?)^```", WAVEFORM_PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)[0]
+    page = RUN_FOLDER_PAGE.path.read_text(encoding="utf-8")
+    block = re.findall(r"^```\n(.*?)^```", page, flags=re.MULTILINE | re.DOTALL)[0]
     commands = [shlex.split(line, comments=True) for line in block.splitlines()]
     assert len(commands) == 7
     for words in commands:

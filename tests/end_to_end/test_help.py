@@ -109,7 +109,8 @@ def test_an_example_is_understood(name: str, example: str) -> None:
 @pytest.mark.parametrize("example", [example for name, example in EVERY_EXAMPLE if name in CHEAP])
 def test_an_example_runs(example: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("mine.toml").write_text(load_robot("lab-scara").toml, encoding="utf-8")
+    for file in ("mine.toml", "my-arm.toml"):
+        Path(file).write_text(load_robot("ar4-mk3").toml, encoding="utf-8")
     assert run(words_of(example)) == 0
 
 

@@ -4,8 +4,8 @@ import re
 import subprocess
 import sys
 from html.parser import HTMLParser
-from pathlib import Path
-from urllib.parse import unquote, urlsplit
+from pathlib import Path, PurePosixPath
+from urllib.parse import quote, unquote, urlsplit
 
 import pytest
 
@@ -92,6 +92,45 @@ def test_the_search_knows_the_words_of_the_pages(site: Path) -> None:
     index = (site / "searchindex.js").read_text(encoding="utf-8")
     for word in ("corexi", "homing", "tb6560", "waveform"):
         assert word in index, word
+
+
+SEARCHED = {
+    "install": "first-run",
+    "first run": "first-run",
+    "jog": "live",
+    "emergency stop": "panel",
+    "own arm": "robot-files",
+    "limit switches": "robot-files",
+    "AR4": "machines",
+    "DH parameters": "machines",
+    "G-code": "programs",
+    "CSV": "motions",
+    "torque": "motors",
+    "drawer": "warehouse",
+    "lost steps": "captures",
+    "Klipper": "captures",
+    "pytest": "ci",
+    "STM32F103": "firmware",
+    "candump": "shadow",
+    "ROS 2": "masters",
+    "EMCY": "protocol",
+    "TB6560": "driver",
+    "report.json": "run-folder",
+}
+"""What a user asks for, and the page that should be found first."""
+FIRST_LINK = "return document.querySelector('ul.search li a')?.getAttribute('href')"
+
+
+@pytest.mark.skipif(CHROMIUM is None or DRIVER is None, reason="Chromium and its driver are not installed")
+def test_the_search_finds_the_obvious_page_first(site: Path) -> None:
+    found = {}
+    with open_browser() as browser:
+        for question in SEARCHED:
+            browser.driver.get(f"{(site / 'search.html').as_uri()}?q={quote(question)}")
+            browser.until(lambda: browser.run(FIRST_LINK) is not None)
+            first = browser.run(FIRST_LINK)
+            found[question] = PurePosixPath(urlsplit(first).path).stem
+    assert found == SEARCHED
 
 
 @pytest.mark.skipif(CHROMIUM is None or DRIVER is None, reason="Chromium and its driver are not installed")

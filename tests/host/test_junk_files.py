@@ -37,7 +37,7 @@ def _small() -> str:
 
 
 def _evening() -> str:
-    found = EVENING.search((DOCS / "campaigns.md").read_text(encoding="utf-8"))
+    found = EVENING.search((DOCS / "faults.md").read_text(encoding="utf-8"))
     assert found is not None
     return found[1]
 

@@ -1,4 +1,4 @@
-"""Unmodified programs of other projects on a served board and on recorded logs, as docs/tools.md shows."""
+"""Unmodified programs of other projects on a served board and on recorded logs, as docs/masters.md shows."""
 
 import re
 import shlex
@@ -21,7 +21,7 @@ from tests.end_to_end.pages import blocks_of, read_page
 from tests.end_to_end.served import serving
 from tests.end_to_end.terminal import Terminal
 
-PAGE = read_page("docs/tools.md")
+PAGE = read_page("docs/masters.md").partition("\n## Other people's tools\n")[2].partition("\n## ")[0]
 PORT_SHOWN = "29536"
 ROBOT = "teaching-scara"
 NODE = 0x10

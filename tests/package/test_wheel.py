@@ -62,7 +62,7 @@ def test_the_wheel_has_every_module_of_the_checkout(wheel: Path) -> None:
     modules = {path.relative_to(ROOT) for folder in packed for path in (ROOT / folder).rglob("*.py")}
     names = set(contents(wheel))
     assert {f"steptwin/{module.as_posix()}" for module in modules} <= names
-    assert {"steptwin/__main__.py", "steptwin/py.typed", "steptwin/host/robots/papers/lab-scara.toml"} <= names
+    assert {"steptwin/__main__.py", "steptwin/py.typed", "steptwin/features/papers/robots/lab-scara.toml"} <= names
     assert {f"steptwin/features/kernel_c/{name}" for name in kernel_files()} <= names
 
 

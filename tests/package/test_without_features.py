@@ -10,8 +10,8 @@ import pytest
 from steptwin.host.common.features import features
 from tests.without import copy_without, gone_with, run_in
 
-PROGRAM = 'robot = "lab-scara"\n[[step]]\npause = 0.1\n'
-STILL = "t,d1,th2,th3,th4\n0,150,0,30,0\n0.2,150.5,0,30,0\n"
+PROGRAM = 'robot = "ar4-mk3"\n[[step]]\npause = 0.1\n'
+STILL = "t,J1,J2,J3,J4,J5,J6\n0,0,0,0,0,45,0\n0.2,0.1,0,0,0,45,0\n"
 
 
 @pytest.mark.slow
@@ -21,7 +21,7 @@ def test_what_is_left_works(name: str, tmp_path: Path) -> None:
     (copy / "still.csv").write_text(STILL, encoding="utf-8")
     (copy / "still.toml").write_text(PROGRAM, encoding="utf-8")
     for words in (
-        ("-m", "steptwin", "run", "lab-scara", "still.csv", "--kernel", "python"),
+        ("-m", "steptwin", "run", "ar4-mk3", "still.csv", "--kernel", "python"),
         ("-m", "steptwin", "check", "still.toml"),
     ):
         done = run_in(copy, *words)

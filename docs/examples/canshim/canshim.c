@@ -6,7 +6,7 @@
  * A PF_CAN socket becomes one end of a socket pair, so that poll, select, epoll and close are the kernel's; the names
  * in CANSHIM_NAMES, "can0,vcan0" by default, are the served bus. A socket is known by its inode, so that dup, fork and
  * a number that is used again are seen too. Without STEPTWIN_CAN the library does nothing. What it cannot do is on
- * docs/socketcan.md. */
+ * docs/masters.md. */
 #define _GNU_SOURCE
 #include "canshim.h"
 

@@ -10,13 +10,10 @@ from steptwin.features.motors.rotors.arm import BASE, Arm, Body
 from steptwin.features.motors.rotors.following import FollowingSliders
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.joint import Unit
-from steptwin.host.robots.kinematics import HybridArm, make_kinematics
-from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, TwoSliders
 from steptwin.host.robots.motor import JointLink
 from steptwin.host.robots.robot import Robot
-
-_PLATFORM: Final = ("th1", "z2", "z3", "th4")
-"""Variables of the hybrid arm's chain."""
 
 _SI: Final = {Unit.MM: 1e-3, Unit.DEG: pi / 180.0}
 """m in a mm, rad in a degree."""
@@ -26,8 +23,8 @@ def arm_of(robot: Robot, payload_kg: float) -> Arm:
     """Return the arm with a payload at the tool's tip."""
     kinematics = make_kinematics(robot)
     links = {joint.name: joint.link or JointLink(0.0) for joint in robot.joints}
-    if isinstance(kinematics, HybridArm):
-        return _hybrid(robot, kinematics, links, payload_kg)
+    if kinematics.dh.sliders is not None:
+        return _with_sliders(robot, kinematics.dh, kinematics.dh.sliders, links, payload_kg)
     if not kinematics.task.width:
         return _bare_axes(robot, links, payload_kg)
     bodies, names, signs = _chain(kinematics.dh, robot.joint_names, links, payload_kg)
@@ -127,25 +124,27 @@ def _bare_axes(robot: Robot, links: dict[str, JointLink], payload_kg: float) -> 
     return Arm(tuple(bodies), si[:, np.newaxis] * joints_by_rotor(robot), np.zeros(len(bodies)))
 
 
-# --- the hybrid arm: a chain th1, z2, z3, th4; z2 and z3 follow the two sliders
+# --- a chain with two variables that follow two sliders
 
 
-def _hybrid(robot: Robot, kinematics: HybridArm, links: dict[str, JointLink], payload_kg: float) -> Arm:
-    chain, names, _ = _chain(kinematics.dh, _PLATFORM, links, payload_kg)
-    geometry, by_rotor = kinematics.geometry, joints_by_rotor(robot)
+def _with_sliders(
+    robot: Robot, table: DhTable, pair: TwoSliders, links: dict[str, JointLink], payload_kg: float
+) -> Arm:
+    chain, names, _ = _chain(table, table.variables, links, payload_kg)
+    by_rotor = joints_by_rotor(robot)
     sliders = tuple(
-        _body(names.index("th1"), slides=True, fixed=_upright(radius_mm), link=links[name])
-        for name, radius_mm in (("Z5", geometry.l2_mm - geometry.h_mm), ("Z6", geometry.l2_mm + geometry.h_mm))
+        _body(names.index(pair.carrier), slides=True, fixed=_upright(radius_mm), link=links[name])
+        for name, radius_mm in ((pair.left, pair.middle_mm - pair.half_mm), (pair.right, pair.middle_mm + pair.half_mm))
     )
-    names = [*names, "Z5", "Z6"]
+    names = [*names, pair.left, pair.right]
     slopes = np.zeros((len(names), len(robot.axes)))
     for body, name in enumerate(names):
         if name in robot.joint_names:
             joint = robot.index_of(name)
             slopes[body] = _SI[robot.joints[joint].unit] * by_rotor[joint]
-    left, right, across, up = (names.index(name) for name in ("Z5", "Z6", "z2", "z3"))
-    pair = FollowingSliders(left, right, across, up, 1e-3 * geometry.h_mm, 1e-3 * geometry.L_mm)
-    return Arm((*chain, *sliders), slopes, np.zeros(len(names)), pair)
+    left, right, across, up = (names.index(name) for name in (pair.left, pair.right, pair.across, pair.up))
+    following = FollowingSliders(left, right, across, up, 1e-3 * pair.half_mm, 1e-3 * pair.link_mm)
+    return Arm((*chain, *sliders), slopes, np.zeros(len(names)), following)
 
 
 def _upright(radius_mm: float) -> FloatArray:

@@ -17,7 +17,7 @@ def eds() -> None:
     print_text(render_eds())
 
 
-@command("", "lab-scara > arm.dbc")
+@command("", "ar4-mk3 > arm.dbc")
 def dbc(robot: RobotName = None, robot_file: RobotFile = None) -> None:
     """Print a CAN database (DBC): a robot's axes in mm and degrees, or eight axes in wire units."""
     from steptwin.host.robots.robot import AXES_MAX

@@ -67,7 +67,7 @@ class PlotOptions(AnswerOptions):
         return names
 
 
-@command("out/drawer-pull", "out/drawer-pull --what edges,phases --at 2.5 --format svg")
+@command("out/pick", "out/pick --what edges,phases --at 2.5 --format svg")
 def plot(wanted: PlotOptions, close_up: CloseUpOptions, folder: RunDir, plan: PlanDir = None) -> None:
     """Draw pictures of a stored run."""
     if not find_spec("matplotlib"):

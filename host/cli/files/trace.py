@@ -93,7 +93,7 @@ class WaveformOptions(AnswerOptions):
             keep_files([self.out], replace=self.replace)
 
 
-@command("out/drawer-pull", "out/drawer-pull --format csv --axis th1,th2 --from 1 --to 2")
+@command("out/pick", "out/pick --format csv --axis J1,J2 --from 1 --to 2")
 def trace(wanted: WaveformOptions, part: PartOptions, folder: RunDir) -> None:
     """Write the waveform of a stored run: every edge of every pin, or a part of it."""
     from steptwin.host.record.folder import EDGES, RECORDING, check_axes, read_evidence, read_recording, read_robot

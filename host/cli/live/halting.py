@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from steptwin.host.operate.recovering import AxisState
     from steptwin.host.operate.session import Session
 
-_EXAMPLES: Final = ("lab-scara --connect 127.0.0.1", "lab-scara -i socketcan -c can0")
+_EXAMPLES: Final = ("ar4-mk3 --connect 127.0.0.1", "ar4-mk3 -i socketcan -c can0")
 _CLOCKS_S: Final = 0.5
 """Longest stop of an emulated board's clock since a fault, on a slow computer."""
 
@@ -48,7 +48,7 @@ def resume(live: SessionOptions, robot: RobotName = None) -> None:
     live.tell_of(loaded, {"halted": False}, "goes on")
 
 
-@command("lab-scara 50 --connect 127.0.0.1", "lab-scara 120 --json --connect 127.0.0.1")
+@command("ar4-mk3 50 --connect 127.0.0.1", "ar4-mk3 120 --json --connect 127.0.0.1")
 def speed(
     live: SessionOptions,
     words: list[str] | None = argument(
@@ -112,7 +112,7 @@ def _stop_axes(live: LiveOptions, name: str | None, stop: "Callable[[Session], l
             raise InputError(f"{foreign}; {robot.name}'s axes were stopped, but the board may have others that move")
 
 
-@command("lab-scara --connect 127.0.0.1", "lab-scara --json --connect 127.0.0.1")
+@command("ar4-mk3 --connect 127.0.0.1", "ar4-mk3 --json --connect 127.0.0.1")
 def reset(live: SessionOptions, robot: RobotName = None) -> None:
     """Reset the drives' faults, and start nodes that are stopped; the drives are off afterwards.
 
@@ -128,7 +128,7 @@ def reset(live: SessionOptions, robot: RobotName = None) -> None:
     live.report_states(loaded, states)
 
 
-@command("teaching-scara --connect 127.0.0.1", "teaching-scara gripper on --connect 127.0.0.1")
+@command("corexy-gantry --connect 127.0.0.1", "corexy-gantry gripper on --connect 127.0.0.1")
 def outputs(
     live: SessionOptions,
     words: list[str] | None = argument(

@@ -34,8 +34,8 @@ class _Seen(NamedTuple):
 
 
 @command(
-    "lab-scara --node th2 --connect 127.0.0.1",
-    "out/spiral/bus.log --service emcy",
+    "ar4-mk3 --node J2 --connect 127.0.0.1",
+    "out/pick/bus.log --service emcy",
 )
 def monitor(
     live: LiveOptions,

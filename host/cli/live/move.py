@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 _AT_END: Final = ", at the end of its travel"
 
 
-@command("lab-scara --together --connect 127.0.0.1", "lab-scara --here '150 0 90 0' --connect 127.0.0.1")
+@command("ar4-mk3 --together --connect 127.0.0.1", "ar4-mk3 --here '0 0 0 0 45 0' --connect 127.0.0.1")
 def home(
     live: SessionOptions,
     robot: RobotName = None,
@@ -94,8 +94,8 @@ class PoseOptions:
 
 
 @command(
-    "lab-scara th2=30 --connect 127.0.0.1",
-    "lab-scara --z 120 --speed 50 --connect 127.0.0.1",
+    "ar4-mk3 J2=30 --connect 127.0.0.1",
+    "corexy-gantry --z 120 --speed 50 --connect 127.0.0.1",
     negatives=True,
 )
 def move(
@@ -156,7 +156,7 @@ def _joints(robot: "Robot", words: list[str]) -> dict[str, float]:
 
 
 @command(
-    "lab-scara th2 +1 --connect 127.0.0.1",
+    "corexy-gantry X +1 --connect 127.0.0.1",
     "ar4-mk3 rz 5deg/s --frame tool --connect 127.0.0.1",
     negatives=True,
 )

@@ -21,7 +21,7 @@ _NAMED: Final = {"save": True, "list": False, "delete": True}
 """Actions of the command, and whether each takes a position's name."""
 
 
-@command("save pick lab-scara --connect 127.0.0.1", "list lab-scara --file bench.toml")
+@command("save pick ar4-mk3 --connect 127.0.0.1", "list ar4-mk3 --file bench.toml")
 def positions(
     live: SessionOptions,
     words: list[str] | None = argument(

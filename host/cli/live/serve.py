@@ -68,7 +68,7 @@ _NAMED: Final = (*(each.name for group in (EndpointOptions, RecordingOptions) fo
 """Arguments of a served board that errors name as options."""
 
 
-@command("lab-scara --control-port 0", "warehouse-scara --machine boards=4,2 --out out/live --port 0")
+@command("ar4-mk3 --control-port 0", "ar4-mk3 --machine boards=4,2 --out out/live --port 0")
 def serve(
     which: RobotOptions,
     endpoint: EndpointOptions,

@@ -96,7 +96,7 @@ class CommandOptions:
         "--exec",
     )
     preload: str | None = option(
-        "FILE", "Library that the program of --exec loads first (LD_PRELOAD), such as canshim.so (docs/socketcan.md)."
+        "FILE", "Library that the program of --exec loads first (LD_PRELOAD), such as canshim.so (docs/masters.md)."
     )
 
     def checked(self, interface: str | None) -> list[str]:
@@ -198,7 +198,7 @@ class ServedCommand:
             if opened is not None and self._preload is None:
                 say(
                     f"--exec {shlex.join(self._words)}: ended with exit code {self.exit_code}; for it to find the board"
-                    f" as {opened}, --preload canshim.so (docs/socketcan.md)",
+                    f" as {opened}, --preload canshim.so (docs/masters.md)",
                     err=True,
                 )
             raise typer.Exit(self.exit_code)

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
 
 
-@command("lab-scara --connect 127.0.0.1", "lab-scara -i pcan -c PCAN_USBBUS1 -b 500000")
+@command("ar4-mk3 --connect 127.0.0.1", "ar4-mk3 -i pcan -c PCAN_USBBUS1 -b 500000")
 def doctor(live: LiveOptions, robot: RobotName = None) -> None:
     """Check bus, nodes, drives, settings, inputs, supply, temperature and positions.
 
@@ -75,7 +75,7 @@ def _checks(live: LiveOptions, robot: "Robot") -> "list[Check]":
 _WATCH_EVERY_S = 0.5
 
 
-@command("lab-scara --connect 127.0.0.1", "lab-scara --watch -i socketcan -c can0")
+@command("ar4-mk3 --connect 127.0.0.1", "ar4-mk3 --watch -i socketcan -c can0")
 def status(
     live: SessionOptions,
     robot: RobotName = None,

@@ -13,6 +13,8 @@ def robots(answer: AnswerOptions) -> None:
     found = [load_robot(name) for name in robot_names()]
     listed = [{"name": r.name, "title": r.title, "joints": list(r.joint_names), "paper": r.paper} for r in found]
 
+    papers = [f"{robot.name}: {robot.paper}" for robot in found if robot.paper]
+
     def table() -> None:
         print_table(
             ["robot", "what it is", "joints"],
@@ -23,13 +25,11 @@ def robots(answer: AnswerOptions) -> None:
     answer.tell(
         {"robots": listed},
         table,
-        "",
-        "their papers:",
-        *(f"{robot.name}: {robot.paper}" for robot in found if robot.paper),
+        *(["", "their papers:", *papers] if papers else []),
     )
 
 
-@command("warehouse-scara", "--robot-file mine.toml")
+@command("my-arm.toml", "--robot-file mine.toml")
 def jobs(which: RobotOptions, robot: RobotName = None) -> None:
     """List a robot's jobs with their options."""
     from steptwin.host.planning.jobs import job_names, job_options, job_summary

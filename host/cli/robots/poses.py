@@ -90,7 +90,7 @@ def _plain(array: "FloatArray") -> Any:
     return (array + 0.0).tolist()
 
 
-@command("lab-scara 150 0 90 0 --matrices", "warehouse-scara 0 0 200 -60 120 -90 --json", negatives=True)
+@command("ar4-mk3 0 0 0 0 45 0 --matrices", "corexy-gantry 100 80 50 --json", negatives=True)
 def fk(
     which: RobotOptions,
     words: RobotAndJoints = None,
@@ -153,7 +153,7 @@ class PlaceOptions:
         return {"x": self.x, "y": self.y, "z": self.z} | ({} if self.phi is None else {"phi": self.phi})
 
 
-@command("teaching-scara --x 150 --y 60 --z -60 --phi 30", "hybrid-arm --x 350 --y 150 --z 500 --phi 0")
+@command("ar4-mk3 --x 300 --y 0 --z 250 --rpy '180 0 180'", "corexy-gantry --x 100 --y 80 --z 50")
 def ik(
     place: PlaceOptions,
     turned: OrientationOptions,

@@ -34,7 +34,7 @@ class WorkspaceOptions:
     z: float | None = option("MM", "Height of the horizontal section; by default home's.", read=finite_number)
 
 
-@command("lab-scara", "hybrid-arm --phi -30 --z 700 --out out/workspace")
+@command("ar4-mk3", "corexy-gantry --z 50 --out out/workspace")
 def workspace(
     which: RobotOptions,
     wanted: WorkspaceOptions,

@@ -42,7 +42,7 @@ class StepFileOptions:
         return {**name_value_pairs(self.pairs or []), **keys_of(self.files, file)}
 
 
-@command("my-arm.toml", "docs/programs/teaching-scara.toml")
+@command("my-arm.toml", "docs/programs/ar4-mk3.toml")
 def check(
     answer: AnswerOptions,
     planning: PlanningOptions,

@@ -47,9 +47,20 @@ class SourceOptions:
         return next((robot for robot in made if robot is not None), None)
 
 
+def _other_kinds() -> list[str]:
+    """Return the kinds of features with their dimensions, a line each."""
+    from steptwin.host.robots.kinematics.base import dimensions
+    from steptwin.host.robots.kinematics.kinds import CORE_KINDS, kinds
+
+    return [
+        f"{name}: {' '.join(dimensions(kind.geometry))}" for name, kind in kinds().items() if name not in CORE_KINDS
+    ]
+
+
 @command(
     "my-arm.toml --kind scara --set l1_mm=200",
     "my-arm.toml --from ar4-mk3",
+    more=_other_kinds,
 )
 def new(
     answer: AnswerOptions,
@@ -71,32 +82,22 @@ def new(
 
     With --from it is the file of a robot that is there, such as ar4-mk3, with the new robot's name, to change.
 
-    Kinds and their dimensions, drawn in docs/robot-files.md:
-
-    scara: l1_mm l2_mm lift lift_positive tool_rotation tool heading_deg base_mm offset_mm drop_mm tool_mm
-
-    teaching-scara: l1_mm l2_mm d4_mm
-
-    lab-scara: a2_mm a3_mm d5_mm
-
-    calibration-scara: L1_mm L2_mm d1_mm alpha3_deg
-
-    warehouse-scara: L2_mm L3_mm L4_mm L5_mm
-
-    hybrid-arm: h_mm L_mm l1_mm l2_mm l3_mm l4_mm z2_max_mm
-
-    cartesian: axes belts (each or corexy)
-
-    axes: no dimensions (joints, 1 to 8)
-
-    chain: notation chain task held base tool (joints, 1 to 6; JOINT.theta_deg, JOINT.alpha_deg, JOINT.d_mm, JOINT.a_mm)
-
     All kinds: driver_profile, the drivers, such as a4988 (docs/driver.md).
 
     A joint's values: JOINT.lower, JOINT.upper, JOINT.travel_per_turn (mm) or JOINT.ratio, JOINT.microsteps (8; 1/8 is
     taken for 8), JOINT.home, JOINT.motor (its model, such as 17HS19-2004S1), JOINT.mass_kg (what it moves).
 
     With a motor, a mass or supply_v the file has all that `run --motors` needs; what is not given is marked ASSUMED.
+
+    Kinds and their dimensions, drawn in docs/robot-files.md:
+
+    scara: l1_mm l2_mm lift lift_positive tool_rotation tool heading_deg base_mm offset_mm drop_mm tool_mm
+
+    cartesian: axes belts (each or corexy)
+
+    axes: no dimensions (joints, 1 to 8)
+
+    chain: notation chain task held base tool (joints, 1 to 6; JOINT.theta_deg, JOINT.alpha_deg, JOINT.d_mm, JOINT.a_mm)
     """
     from steptwin.host.robots import SUFFIX
     from steptwin.host.robots.kinematics.kinds import kinds

@@ -36,8 +36,8 @@ class LiveRunOptions(SessionOptions):
 
 
 @command(
-    "warehouse-scara drawer-pull --out out/drawer-pull",
-    "teaching-scara carry --approach --connect 127.0.0.1",
+    "ar4-mk3 pick.toml --out out/pick",
+    "docs/programs/turntable.toml --approach --connect 127.0.0.1",
 )
 def run(
     options: MotionOptions,

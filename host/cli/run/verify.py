@@ -51,7 +51,7 @@ class EvidenceOptions:
         return None
 
 
-@command("out/drawer-pull", "out/live --plan out/carry")
+@command("out/pick", "out/live --plan out/pick")
 def verify(
     evidence: EvidenceOptions,
     answer: AnswerOptions,

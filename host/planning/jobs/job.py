@@ -6,7 +6,6 @@ from typing import Any, Final, Generic
 
 import numpy as np
 
-from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.checks import check_positions
 from steptwin.host.planning.drives import DriveLimits, check_drives
@@ -21,70 +20,8 @@ from steptwin.host.planning.jobs.options import (
 from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.motions.whole import FASTEST, has_timer, motion_timer
 from steptwin.host.planning.paths import OutOfReachError
-from steptwin.host.robots.kinematics import Elbow, HybridArm, Scara, make_kinematics, within_limits
+from steptwin.host.robots.kinematics import within_limits
 from steptwin.host.robots.robot import Robot
-
-
-def with_elbow(robot: Robot, joints: FloatArray, elbow: Elbow) -> FloatArray:
-    """Return joints of shape (joints,) with the same tool pose and slides as the given ones, and this elbow."""
-    kinematics = make_kinematics(robot)
-    solved: FloatArray = kinematics.solve(kinematics.forward(joints[np.newaxis]), elbow.value, joints).joints[0]
-    return solved
-
-
-def scara_reach_mm(robot: Robot) -> float:
-    """Return the greatest distance of a SCARA's wrist from its shoulder; 0 for another mechanism."""
-    kinematics = make_kinematics(robot)
-    return kinematics.arm.reach_mm[1] if isinstance(kinematics, Scara) else 0.0
-
-
-def in_reach(length_mm: float, paper_reach_mm: float) -> Callable[[Robot], float]:
-    """Return a length scaled by a SCARA's reach, from the paper's robot."""
-    return lambda robot: length_mm * (scara_reach_mm(robot) / paper_reach_mm)
-
-
-def in_reach_at_most(length_mm: float, paper_reach_mm: float) -> Callable[[Robot], float]:
-    """Return a length scaled by a SCARA's reach, at most the given one."""
-    return lambda robot: length_mm * min(scara_reach_mm(robot) / paper_reach_mm, 1.0)
-
-
-def in_station(axis: int, *place: Callable[[Robot], float]) -> Callable[[Robot], float]:
-    """Return a function for x, y or z, by number, of a place from the base in the station's frame."""
-    return lambda robot: float(robot.base.in_station(np.array([each(robot) for each in place]))[axis])
-
-
-def fitted(robot: Robot, joints: FloatArray) -> FloatArray:
-    """Return joints of shape (joints,), each limited to its range."""
-    lower, upper = ([getattr(joint, bound) for joint in robot.joints] for bound in ("lower", "upper"))
-    return np.clip(joints, lower, upper)
-
-
-HYBRID_RADIUS_MM: Final = 400.0
-HYBRID_Z2_MAX_MM: Final = 150.0
-HYBRID_STROKE_MM: Final = 500.0
-HYBRID_REST_MM: Final = 280.0 + (350.0**2 - 150.0**2) ** 0.5
-"""Dimensions of the reference arm of the jobs' poses: radius of the tool with the platform in the middle, travel of the
-platform to each side, stroke of the sliders, and height of the tool with the sliders at 0.
-"""
-
-
-def hybrid_scale(robot: Robot) -> tuple[float, float, float, float]:
-    """Return the scale of poses from the reference hybrid arm to this one.
-
-    It has the factor of radii, the factors of radial and vertical distances from the middle, and the tool's rise with
-    the sliders at 0, in mm.
-    """
-    arm = make_kinematics(robot)
-    if not isinstance(arm, HybridArm):
-        return 1.0, 1.0, 1.0, 0.0
-    grown = arm.radius_mm / HYBRID_RADIUS_MM
-    radial = min((arm.z2_max_mm / arm.radius_mm) / (HYBRID_Z2_MAX_MM / HYBRID_RADIUS_MM), 1.0)
-    sliders = [robot.joint(name) for name in ("Z5", "Z6")]
-    lower, upper = max(slider.lower for slider in sliders), min(slider.upper for slider in sliders)
-    vertical = min((upper - lower) / HYBRID_STROKE_MM, 1.0)
-    rest_mm = arm.height_mm + (arm.sliders.L_mm**2 - arm.sliders.h_mm**2) ** 0.5
-    return grown, radial, vertical, rest_mm - HYBRID_REST_MM + (lower + upper) / 2.0
-
 
 _LAW: Final = "law"
 _PLANNED: Final = "planned"

@@ -1,6 +1,6 @@
 """Read a job's options from texts: a frozen dataclass of enums, places, points and numbers with ranges.
 
-A number's default may depend on the robot: it is the paper's value for the paper's robot, and scaled for others.
+A number's default may depend on the robot: a length grows with its reach, for example.
 """
 
 from collections.abc import Callable, Iterable, Mapping

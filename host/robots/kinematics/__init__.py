@@ -1,23 +1,18 @@
 """Forward and inverse kinematics, one module for each kind of mechanism."""
 
 from steptwin.host.robots.kinematics.base import Branch, Kinematics, within_limits
-from steptwin.host.robots.kinematics.hybrid import AssemblyMode, HybridArm, SliderPair, WorkingMode
 from steptwin.host.robots.kinematics.kinds import make_kinematics
 from steptwin.host.robots.kinematics.links import ArmPart, Role
 from steptwin.host.robots.kinematics.scara import Elbow, Planar2R, Scara
 
 __all__ = [
     "ArmPart",
-    "AssemblyMode",
     "Branch",
     "Elbow",
-    "HybridArm",
     "Kinematics",
     "Planar2R",
     "Role",
     "Scara",
-    "SliderPair",
-    "WorkingMode",
     "make_kinematics",
     "within_limits",
 ]

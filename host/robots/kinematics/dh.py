@@ -74,12 +74,45 @@ class DhRow:
 
 
 @dataclass(frozen=True, slots=True)
+class TwoSliders:
+    """Two sliders on parallel upright screws, linked to one platform: they move two variables that are no joints.
+
+    Attributes:
+        carrier: joint that carries the screws.
+        left: joint of the slider that is nearer to the carrier's axis.
+        right: joint of the other slider.
+        across: variable of the platform's distance from the middle between the screws, away from the carrier's axis.
+        up: variable of the platform's height.
+        middle_mm: distance of the middle between the screws from the carrier's axis.
+        half_mm: half the distance between the screws.
+        link_mm: length of each link.
+    """
+
+    carrier: str
+    left: str
+    right: str
+    across: str
+    up: str
+    middle_mm: float
+    half_mm: float
+    link_mm: float
+
+
+@dataclass(frozen=True, slots=True)
 class DhTable:
-    """A table's rows from the base to the tool, in one convention, and the base's position in the station."""
+    """A table's rows from the base to the tool, in one convention.
+
+    Attributes:
+        convention: the convention.
+        rows: the rows.
+        base: position of the base in the station.
+        sliders: mechanism that moves variables that are no joints; None if all variables are joints.
+    """
 
     convention: Convention
     rows: tuple[DhRow, ...]
     base: BaseFrame = STATION
+    sliders: TwoSliders | None = None
 
     @property
     def variables(self) -> tuple[str, ...]:

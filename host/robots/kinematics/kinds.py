@@ -9,17 +9,6 @@ from steptwin.host.common.features import giving
 from steptwin.host.robots.kinematics.bare_axes import AxesGeometry, bare_axes
 from steptwin.host.robots.kinematics.base import Kinematics
 from steptwin.host.robots.kinematics.cartesian import CartesianGeometry, gantry
-from steptwin.host.robots.kinematics.hybrid import HybridArm, HybridGeometry
-from steptwin.host.robots.kinematics.paper_scaras import (
-    CalibrationGeometry,
-    LabGeometry,
-    TeachingGeometry,
-    WarehouseGeometry,
-    calibration_scara,
-    lab_scara,
-    teaching_scara,
-    warehouse_scara,
-)
 from steptwin.host.robots.kinematics.serial.chain_geometry import ChainGeometry
 from steptwin.host.robots.kinematics.serial.serial_chain import SerialChain
 from steptwin.host.robots.kinematics.usual_scara import ScaraGeometry, usual_scara
@@ -42,19 +31,10 @@ class Kind:
     make: Callable[[Robot], Kinematics]
 
 
-_KINDS: Final[dict[str, Kind]] = {
+CORE_KINDS: Final[dict[str, Kind]] = {
     "scara": Kind(
         "a SCARA: lift first, last or none; a tool that turns or not, up or down", ScaraGeometry, usual_scara
     ),
-    "teaching-scara": Kind("a SCARA with lift and rotation at its end, tool up", TeachingGeometry, teaching_scara),
-    "lab-scara": Kind("a SCARA on a lift that heads for +y, tool down", LabGeometry, lab_scara),
-    "calibration-scara": Kind(
-        "a SCARA on a column in standard DH parameters, lift last", CalibrationGeometry, calibration_scara
-    ),
-    "warehouse-scara": Kind(
-        "a SCARA with a lift, carried by a horizontal and a vertical slide", WarehouseGeometry, warehouse_scara
-    ),
-    "hybrid-arm": Kind("a waist with a parallel mechanism of two sliders", HybridGeometry, HybridArm.of),
     "cartesian": Kind("a gantry: slides along x, y and z, and perhaps a rotary axis c", CartesianGeometry, gantry),
     "axes": Kind("1 to 8 joints without a tool: turntables, sliders, test benches", AxesGeometry, bare_axes),
     "chain": Kind(
@@ -65,7 +45,7 @@ _KINDS: Final[dict[str, Kind]] = {
 
 def kinds() -> Mapping[str, Kind]:
     """Return the kinds by their names in robot files: those of the core, replaced or extended by features."""
-    found = dict(_KINDS)
+    found = dict(CORE_KINDS)
     for _, given in giving("kinematics"):
         found |= given()
     return found

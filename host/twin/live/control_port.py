@@ -38,7 +38,7 @@ class MachineState:
         """Name and bit of each switch of each joint."""
 
     def read(self) -> dict[str, Any]:
-        """Return the state under the keys of docs/control-port.md."""
+        """Return the state under the keys of docs/live.md."""
         board, around = self._board, self._board.environment
         levels = [int(axis.levels) for axis in around.axes]
         stuck = [int(axis.stuck) for axis in around.axes]

@@ -232,7 +232,7 @@ class ServedBoard:
             host: address of the socketcand server; by default 127.0.0.1.
             port: TCP port of the server; by default 29536, socketcand's own; 0 takes a free one.
             control_port: TCP port of this machine for programs that press its emergency stop, stick its switches and so
-                on (docs/control-port.md); 0 takes a free one; None: none.
+                on (docs/live.md); 0 takes a free one; None: none.
             allow_remote: True to allow an address that other machines reach.
             interface: python-can's name of an interface for the board instead of a server.
             channel: channel of that interface.

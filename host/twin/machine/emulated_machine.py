@@ -106,7 +106,7 @@ class OperationLog:
             self._done.append((scheduled.counts, operation))
 
     def requests(self) -> list[dict[str, Any]]:
-        """Return the operations under the keys of docs/control-port.md, with `at_s` in seconds since power-up."""
+        """Return the operations under the keys of docs/live.md, with `at_s` in seconds since power-up."""
         robot = self._machine.robot
         return [{"at_s": counts / COUNTS_PER_SECOND} | request_of(robot, each) for counts, each in self._done]
 

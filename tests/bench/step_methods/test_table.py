@@ -1,4 +1,4 @@
-"""The tables of docs/benchmarks.md agree with a measurement; the kernel is the most exact method and fits its core."""
+"""The tables of docs/evidence.md agree with a measurement; the kernel is the most exact method and fits its core."""
 
 from itertools import groupby
 
@@ -47,7 +47,7 @@ def on_the_pages_core(on_core: list[CoreFigures]) -> list[CoreFigures]:
 
 def page_rows(heading: str) -> list[list[str]]:
     """Return the rows of the table under a heading of the page."""
-    page = (DOCS / "benchmarks.md").read_text(encoding="utf-8")
+    page = (DOCS / "evidence.md").read_text(encoding="utf-8")
     section = page.partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
     rows = [line.strip("| ").split(" | ") for line in section.splitlines() if line.startswith("| ")]
     return [row for row in rows if row[0].removesuffix(", halting") in MOTIONS]

@@ -30,7 +30,7 @@ LIMIT = 15_000 * STEP
 
 
 class Planned:
-    """The motion that docs/canopen.md promises, in exact arithmetic: units and ms, from the tick in which it begins."""
+    """The motion that docs/protocol.md promises, in exact arithmetic: units and ms from the tick in which it begins."""
 
     def __init__(self, points: list[int], period_ms: int) -> None:
         self.period_ms = period_ms

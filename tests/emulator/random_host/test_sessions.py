@@ -25,7 +25,7 @@ from tests.operations import EmergencyStop
 
 pytestmark = on_sources_only
 CASES = sorted((Path(__file__).parent / "cases").glob("*.jsonl"))
-"""Sessions that once failed, shortened; docs/random-host.md says how."""
+"""Sessions that once failed, shortened; docs/evidence.md says how."""
 OTHERS = [*range(9, 32), REPEATED]
 """Sessions that `make test` leaves out."""
 

@@ -10,8 +10,8 @@ from steptwin.features.calibration.measurements import Measurements, simulate_me
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.kinematics.chain import Chain
 from steptwin.host.robots.robot import Robot
+from tests.features.papers.mechanisms import CALIBRATION, SCARAS, Mechanism, each_scara
 from tests.host.complaints import complaint_of
-from tests.host.robots.kinematics.mechanisms import CALIBRATION, SCARAS, Mechanism, each_scara
 
 NOISE_MM = 0.02
 POSES = 50

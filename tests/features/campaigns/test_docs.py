@@ -1,4 +1,4 @@
-"""The example of docs/campaigns.md, run small, and what the page says of keys, invariants and columns."""
+"""The example of docs/faults.md, run small, and what the page says of keys, invariants and columns."""
 
 import re
 from collections.abc import Iterator
@@ -31,7 +31,7 @@ from tests.messages import refusing
 
 WHEN = {"at_s", "power_up_s", "at_position", "at_state", "on_frame", "for_s", "until"}
 """Keys of a fault that say when it is."""
-PAGE = (Path(__file__).parents[3] / "docs" / "campaigns.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs" / "faults.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +137,7 @@ def test_the_nightly_campaign_has_crystals_boards_and_motors(nightly: Campaign) 
 
 
 def test_every_invariant_parameter_and_column_is_on_the_page() -> None:
-    table = PAGE.partition("## What must hold")[2].partition("## The report")[0]
+    table = PAGE.partition("### What must hold")[2].partition("\n### ")[0]
     assert re.findall(r"^\| (\w+) \|", table, flags=re.MULTILINE)[1:] == list(INVARIANTS)
     columns = PAGE.partition("| column | is |")[2]
     for name in schema().names:

@@ -198,7 +198,7 @@ def test_the_same_scenario_gives_the_same_bytes(fast_kernel: Kernel) -> None:
 
 
 def test_the_python_of_the_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (code,) = re.findall(r"^```python\n(.*?)^```", read_page("docs/faults.md"), flags=re.MULTILINE | re.DOTALL)
+    code, _, _ = re.findall(r"^```python\n(.*?)^```", read_page("docs/faults.md"), flags=re.MULTILINE | re.DOTALL)
     program = tmp_path / "program.py"
     program.write_text(code)
     runpy.run_path(str(program))

@@ -6,14 +6,14 @@ from math import hypot, sqrt
 import numpy as np
 import pytest
 
+from steptwin.features.papers.hybrid_arm import HybridArm
+from steptwin.features.papers.hybrid_jobs import OPERATING_MODE, HelixOptions, five_poses, helix_poses
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.jobs import make_job
-from steptwin.host.planning.jobs.hybrid_jobs import OPERATING_MODE, HelixOptions, five_poses, helix_poses
 from steptwin.host.planning.motion import Motion
-from steptwin.host.robots.kinematics import HybridArm
 from steptwin.host.robots.workspace import monte_carlo
+from tests.features.papers.loop_closure import LoopClosure
 from tests.features.papers.numbers import Arm, Number, check_number, numbers_of_page
-from tests.host.robots.kinematics.loop_closure import LoopClosure
 
 ARM = Arm("hybrid-arm")
 HYBRID = HybridArm.of(ARM.robot)

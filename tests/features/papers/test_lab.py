@@ -7,8 +7,8 @@ from math import atan2, cos, degrees, hypot, nan, radians, sin, sqrt
 import numpy as np
 import pytest
 
+from steptwin.features.papers.spiral import STEP_RAD, SpiralOptions, ZLaw, spiral_poses
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.planning.jobs.spiral import STEP_RAD, SpiralOptions, ZLaw, spiral_poses
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import tool_frames
 from steptwin.host.robots.poses.base_frame import BaseFrame

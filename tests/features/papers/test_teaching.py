@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
+from steptwin.features.papers.carry import GOAL_RAD, START_RAD
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.jobs import job_extras, make_job
-from steptwin.host.planning.jobs.carry import GOAL_RAD, START_RAD
 from steptwin.host.planning.laws import Cubic, Law, Quintic
 from steptwin.host.planning.motions.joint_move import JointMove
 from steptwin.host.planning.planner import plan

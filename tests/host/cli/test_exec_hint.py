@@ -12,7 +12,7 @@ from steptwin.host.cli.live.served_programs import CommandOptions, ServedCommand
         (
             "false vcan0",
             "--exec false vcan0: ended with exit code 1; for it to find the board as vcan0, --preload canshim.so"
-            " (docs/socketcan.md)\n",
+            " (docs/masters.md)\n",
         ),
         ("false", ""),
     ],

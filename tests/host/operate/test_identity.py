@@ -83,7 +83,7 @@ def test_doctor_names_both(steptwin: CommandLine, session: Session) -> None:
         axis.write_text(od.ROBOT_NAME, "")
     exit_code, out, _ = steptwin.run("doctor warehouse-scara")
     assert exit_code == 0
-    assert out.count(" robot: the axis carries no robot's name (docs/canopen.md)\n") == len(ROBOT.joints)
+    assert out.count(" robot: the axis carries no robot's name (docs/protocol.md)\n") == len(ROBOT.joints)
 
 
 def test_a_board_without_a_name_may_be_any_robots(steptwin: CommandLine, session: Session) -> None:
@@ -100,7 +100,7 @@ def test_one_axis_of_another_robot_is_enough(steptwin: CommandLine, session: Ses
 
 
 def test_a_board_is_commissioned_as_the_page_says(board: EmbeddedBoard, tmp_path: Path) -> None:
-    (block,) = [text for _, text in blocks_of(read_page("docs/canopen.md")) if "0x2016" in text]
+    (block,) = [text for _, text in blocks_of(read_page("docs/protocol.md")) if "0x2016" in text]
     page = tmp_path / "commissioning.py"
     page.write_text(block, encoding="ascii")
     runpy.run_path(str(page), {"network": board.network})

@@ -10,17 +10,9 @@ from steptwin.host.robots import load_robot, parse_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.chain import MOVES, Chain, actual_chain
 from steptwin.host.robots.link_errors import LinkErrors
+from tests.features.papers.mechanisms import CALIBRATION, HYBRID, LAB, SCARAS, TEACHING, Mechanism, each_scara
 from tests.host.complaints import complaint_of
-from tests.host.robots.kinematics.mechanisms import (
-    CALIBRATION,
-    HYBRID,
-    LAB,
-    SCARAS,
-    TEACHING,
-    Mechanism,
-    each_scara,
-    pose_errors,
-)
+from tests.host.robots.kinematics.changed import pose_errors
 from tests.host.robots.kinematics.test_dh import printed_link
 
 PROBE = 1e-4

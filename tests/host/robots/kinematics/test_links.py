@@ -6,7 +6,7 @@ import pytest
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.kinematics import ArmPart, Kinematics, Role, make_kinematics
 from steptwin.host.robots.kinematics.dh import DhTable
-from tests.host.robots.kinematics.mechanisms import ALL, HYBRID, LAB, WAREHOUSE, Mechanism, each_mechanism
+from tests.features.papers.mechanisms import ALL, HYBRID, LAB, WAREHOUSE, Mechanism, each_mechanism
 from tests.host.robots.kinematics.test_usual_scara import COMBINATIONS, drawn, scara
 
 USUAL = [

@@ -17,8 +17,8 @@ from steptwin.host.robots.poses.base_frame import STATION, BaseFrame
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.workspace import monte_carlo, scan
 from steptwin.host.robots.workspace.nearest_pose import nearest_pose
+from tests.features.papers.mechanisms import ALL, Mechanism, each_mechanism, each_scara, own_solutions
 from tests.host.complaints import complaint_of
-from tests.host.robots.kinematics.mechanisms import ALL, Mechanism, each_mechanism, each_scara, own_solutions
 from tests.host.robots.kinematics.test_usual_scara import scara
 
 BASE = BaseFrame(1250.0, -380.0, 95.0, 127.0)

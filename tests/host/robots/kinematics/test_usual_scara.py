@@ -15,7 +15,7 @@ from steptwin.host.robots.kinematics import Kinematics, make_kinematics
 from steptwin.host.robots.kinematics.usual_scara import Lift, ScaraGeometry, Vertical
 from steptwin.host.robots.robot import Dimension, Robot
 from tests.host.complaints import complaint_of
-from tests.host.robots.kinematics.mechanisms import pose_errors, with_geometry
+from tests.host.robots.kinematics.changed import pose_errors, with_geometry
 
 COMBINATIONS = list(product(Lift, (True, False), Vertical, Vertical))
 each_combination = pytest.mark.parametrize(("lift", "turning", "tool", "positive"), COMBINATIONS)
@@ -49,7 +49,7 @@ def scara(
     options: dict[str, Dimension] = {"lift": lift, "tool_rotation": turning, "tool": tool, "lift_positive": positive}
     geometry = options | DIMENSIONS | dimensions
     home = tuple(0.0 for _ in joints)
-    return Robot("arm", "An arm", "scara", geometry, joints, home, load_robot("lab-scara").board)
+    return Robot("arm", "An arm", "scara", geometry, joints, home, load_robot("ar4-mk3").board)
 
 
 def drawn(robot: Robot, count: int, seed: int) -> FloatArray:
@@ -104,27 +104,6 @@ class TestGoldenValues:
         lift = scara().joint("d3")
         assert lift.transmission.steps_per_unit == 400
         assert dataclasses.replace(lift, speed_max=37.5).step_rate_max_hz == 15_000
-
-    def test_the_special_cases(self) -> None:
-        """The teaching, lab and calibration robots are usual SCARAs with their papers' DH tables."""
-        for name, options in {
-            "teaching-scara": scara(tool=Vertical.UP, l1_mm=95.0, l2_mm=100.0, base_mm=0.0, offset_mm=0.0),
-            "calibration-scara": scara(l1_mm=250.0, l2_mm=350.0, base_mm=300.0, offset_mm=0.0, drop_mm=0.0),
-            "lab-scara": scara(
-                Lift.FIRST,
-                positive=Vertical.UP,
-                l1_mm=400.0,
-                l2_mm=400.0,
-                base_mm=0.0,
-                offset_mm=0.0,
-                drop_mm=150.0,
-                heading_deg=90.0,
-            ),
-        }.items():
-            own = load_robot(name)
-            joints = drawn(own, 100, seed=1)
-            poses = make_kinematics(own).forward(joints)
-            assert make_kinematics(options).forward(joints).tolist() == poses.tolist(), name
 
 
 @each_combination

@@ -202,9 +202,9 @@ def test_the_command(served: ServedBoard, client: ControlClient, capsys: pytest.
 
 @pytest.mark.slow
 def test_the_page_shows_what_happens(served: ServedBoard, capsys: pytest.CaptureFixture[str]) -> None:
-    """Each command of docs/control-port.md for this robot works, and each request gets the answer that it shows."""
+    """Each command of docs/live.md for this robot works, and each request gets the answer that it shows."""
     assert served.control
-    (_, shell), (_, dialogue) = blocks_of(read_page("docs/control-port.md"))
+    (_, shell), (_, dialogue) = blocks_of(read_page("docs/live.md").partition("## The control port\n")[2])
     commands = [shlex.split(line, comments=True) for line in shell.splitlines() if "inject lab-scara" in line]
     assert len(commands) == 14
     for _, *words, _ in commands:
