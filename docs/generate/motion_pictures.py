@@ -1,8 +1,8 @@
-"""Draw the pictures of docs/motions.md, docs/programs.md and docs/motors.md: corners, limits, an engraving, torques."""
+"""Draw the pictures of docs/motions.md, programs.md, motors.md and shaping.md: corners, limits, torques, swings."""
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -17,7 +17,7 @@ from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs import compile_program, parse_program, read_program
 from steptwin.host.record.plots.canvas import COUNTED, LIMIT
-from steptwin.host.robots import load_robot
+from steptwin.host.robots import load_robot, parse_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.motor import JointMotor
 from steptwin.host.robots.robot import Robot
@@ -70,6 +70,7 @@ def write_motion_pictures() -> None:
     write_picture(DOCS / "pictures" / "gcode-engraving.png", _engraving)
     write_picture(DOCS / "pictures" / "motors-fastest.png", _motors)
     write_picture(DOCS / "pictures" / "motors-cycle.png", _cycle)
+    write_picture(DOCS / "pictures" / "shaping.png", _shaping)
 
 
 def _motions(program: str, variants: dict[str, tuple[str, str, str]], key: str) -> Iterator[tuple[str, Motion]]:
@@ -156,6 +157,72 @@ def _cycle() -> Figure:
     )
     axes.set(xlabel="left_percent [%]", ylabel="duration [s]", xlim=(0, 70), ylim=(0.0, None))
     axes.legend(loc="lower right")
+    return figure
+
+
+_STOP: Final = """
+start = "a"
+[positions]
+a = { d1 = 60.0, th2 = -15.0, th3 = 30.0, th4 = 0.0 }
+b = { d1 = 60.0, th2 = 15.0, th3 = 30.0, th4 = 0.0 }
+[[step]]
+go = "b"
+speed_percent = 6.0
+[[step]]
+pause = 1.0
+"""
+_SHAPERS: Final = {"unshaped": (LIMIT, ":"), "zv": (_SLOWER, "--"), "mzv": (COUNTED, "-"), "ei": ("#4c9f70", "-.")}
+
+
+class Swing(NamedTuple):
+    """A swing of the shoulder, and the tool after its end.
+
+    Attributes:
+        lasts_s: duration of the swing.
+        behind_deg: greatest angle of a rotor behind its field.
+        after_s: shape (n,), times after the end.
+        off_mm: shape (n,), how far the tool is off its place then, along the swing.
+    """
+
+    lasts_s: float
+    behind_deg: float
+    after_s: FloatArray
+    off_mm: FloatArray
+
+    @classmethod
+    def shaped(cls, kind: str) -> Self:
+        """Return the page's swing of the laboratory's arm with a shaper, by the model of motors."""
+        tables = (f'[shaping.{joint}]\nkind = "{kind}"\nfrom = "motors"' for joint in ("th2", "th3"))
+        plain = load_robot(_LAB)
+        robot = plain if kind == "unshaped" else parse_robot("\n".join([plain.toml, *tables]), kind)
+        planned = plan(robot, compile_program(parse_program(_STOP, Findings()), robot).motion)
+        run = motors_of_run(robot, execute(planned, kind).comparison)
+        lasts_s = planned.motion.duration_s - 1.0
+        after_s = run.paths.t_s - lasts_s
+        after = (after_s >= 0.0) & (after_s < 1.0)
+        off_mm = (run.paths.reached - run.paths.counted)[after, :2]
+        radius_mm = run.paths.counted[after][0, :2]
+        along = np.array([-radius_mm[1], radius_mm[0]]) / np.linalg.norm(radius_mm)
+        return cls(lasts_s, float(np.abs(run.trace.load_deg).max()), after_s[after], off_mm @ along)
+
+    @property
+    def swings_mm(self) -> float:
+        """How far the tool goes to and fro, from 0.1 s after the end on: until then friction lets it creep."""
+        return float(np.ptp(self.off_mm[self.after_s >= 0.1]))
+
+
+def _shaping() -> Figure:
+    figure = Figure(figsize=(10, 4.4), layout="constrained")
+    figure.suptitle("lab-scara: the tool after a swing of 30 degrees, by the model of motors", x=0.01, ha="left")
+    axes = figure.subplots()
+    for kind, (color, style) in _SHAPERS.items():
+        swing = Swing.shaped(kind)
+        label = f"{kind}: {swing.lasts_s:.2f} s, then {swing.swings_mm:.2f} mm to and fro"
+        axes.plot(swing.after_s, swing.off_mm, style, color=color, label=label)
+    axes.set(
+        xlabel="time after the end of the motion [s]", ylabel="off its place, along the swing [mm]", xlim=(0.0, 1.0)
+    )
+    axes.legend(loc="upper right")
     return figure
 
 

@@ -209,6 +209,7 @@ def _naming() -> Any:
 def _planned(options: CaptureOptions, plan: Path | None, name: str = "--plan") -> "tuple[Robot, str, Plan | None]":
     """Return the robot, the words for the motion, and the motion; None without a plan."""
     from steptwin.host.planning import planner
+    from steptwin.host.planning.programs.step_files import is_step_file
     from steptwin.host.record.folder import read_robot, stored_motion
     from steptwin.host.robots import load_robot
 
@@ -222,12 +223,14 @@ def _planned(options: CaptureOptions, plan: Path | None, name: str = "--plan") -
         raise InputError(f"--robot {options.robot}: {name} {plan} names the robot")
     if plan.is_dir():
         robot = read_robot(plan)
-        return robot, f"capture of {plan.name}", planner.plan(robot, stored_motion(plan, robot))
+        return robot, f"capture of {plan.name}", planner.plan_executed(robot, stored_motion(plan, robot))
     words = shlex.split(str(plan))
     if len(words) < 2:
         raise InputError(f"{name} {plan}: is neither a folder nor 'ROBOT JOB' nor 'ROBOT FILE'")
     with prefixed(f"{name}: "):
         given = name_value_pairs(words[2:])
+    if name == "--path" and is_step_file(words[1]):  # a controller goes to the very corners of its file
+        given = {"blend_mm": "0", **given}
     return _of_words(words[0], words[1], given)
 
 

@@ -63,6 +63,13 @@ class PathVerdict:
     both_edges: bool = False
 
     @property
+    def hint(self) -> str:
+        """Text about arcs that the controller does not follow; empty for a passed capture or a path without arcs."""
+        if self.passed or not self.rule.long_chords or not self.path.curve_steps_per_mm:
+            return ""
+        return f"the path has arcs, which {self.rule.name} goes in chords of about 1 mm: let the file have lines"
+
+    @property
     def passed(self) -> bool:
         """True if the path was walked, wholly, once, and in its order."""
         return not self.faults
@@ -151,7 +158,7 @@ class PathRun:
     @property
     def hints(self) -> tuple[str, ...]:
         """What may be looked at, though it fails nothing."""
-        return self.alone.hints
+        return (*self.alone.hints, *filter(None, [self.verdict.hint]))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report as `steptwin verify --capture --path --json` prints it."""

@@ -35,6 +35,7 @@ class StepRule:
         turn_steps: largest distance of the count where an axis turns around, from that at standstill.
         early_s: how much too early a step may come; adds to `half_steps` in proportion to the step rate.
         chord_mm: distance of the chords from the arcs for which it goes them; adds to `half_steps` on curved paths.
+        long_chords: True if its chords of arcs may be a step or more away from them.
         both_edges: False if the controller never steps at both edges of STEP.
         says: what makes a step, and its jitter.
         source: where that is written.
@@ -47,6 +48,7 @@ class StepRule:
     turn_steps: float = 1.07
     early_s: float = 0.0
     chord_mm: float = 0.0
+    long_chords: bool = False
     both_edges: bool = True
     says: str
     source: str
@@ -100,6 +102,7 @@ CONTROLLERS: Final = {
             half_steps=0.56,
             turn_steps=0.80,
             early_s=25e-6,
+            long_chords=True,
             says="nearest step; its compression sends a step up to 25 us early, never late",
             source="Klipper 84104bbb: klippy/chelper/itersolve.c, stepcompress.c; klippy/stepper.py",
         ),
@@ -121,6 +124,7 @@ CONTROLLERS: Final = {
         StepRule(
             name="marlin",
             half_steps=1.20,
+            long_chords=True,
             says="Bresenham between rounded targets, in bursts of 2 to 16 above the processor's rate",
             source="Marlin 2.1: module/stepper.cpp, planner.cpp, stepper/cycles.h",
         ),

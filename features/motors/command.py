@@ -164,7 +164,7 @@ def report_cycles(answer: AnswerOptions, robot: "Robot", asked: CycleOptions, ou
     with prefixed("--instead: "):
         other = with_motors_of(robot, models)
     with prefixed(f"{path}: "):
-        by_joints_s = compile_program(replace_fields(program, limits=None), robot).motion.duration_s
+        by_joints_s = compile_program(replace_fields(program, limits=None), robot).executed.duration_s
         cycles = {"the robot's own motors": cycle_times(program, robot)}
         if models:
             cycles["with " + " ".join(f"{name}={model}" for name, model in models.items())] = cycle_times(

@@ -176,6 +176,20 @@ class DriveModel(Protocol):
         """Return the highest speed, up to a percentage, that the drives allow; None if they are not described."""
 
 
+class ChangedMotion(NamedTuple):
+    """A motion that a feature has changed before it is checked.
+
+    Attributes:
+        motion: the motion to execute.
+        later_s: converts a time of the motion before the change.
+        described: returns what has changed, as one line.
+    """
+
+    motion: "Motion"
+    later_s: Callable[[float], float]
+    described: Callable[[], str]
+
+
 class ControlRequests(Protocol):
     """A feature's requests of the control port of a served board."""
 
@@ -313,6 +327,8 @@ class Feature:
             and options; None for its own.
         part: returns its part of a machine from robot, joints at power-up, axes of each board, options and the inputs
             for which the motion waits (None: unknown); None if the machine has no such part.
+        change_motion: returns a motion changed before it is checked, from robot and motion; None to leave it as it is.
+            The first feature that changes it is the only one.
         expected: returns what a motion is planned to leave, from robot, motion and options; None for nothing.
         judge: returns the judge of its evidence.
         figures: returns its figures of an axis, by key: they stand in its part of report.json under `axes`, and have
@@ -356,6 +372,7 @@ class Feature:
     program: "Callable[[Any], Callable[[], BoardProgram] | None] | None" = None
     object_view: "Callable[[Robot, Any], ObjectView | None] | None" = None
     part: MakePart | None = None
+    change_motion: "Callable[[Robot, Motion], ChangedMotion | None] | None" = None
     expected: "Callable[[Robot, Motion, Any], Any] | None" = None
     judge: "Callable[[], FeatureJudge] | None" = None
     figures: "Callable[[], Mapping[str, ReportFigure[SeenAxis]]] | None" = None
@@ -419,6 +436,11 @@ def judge_of(name: str) -> FeatureJudge:
     make = features()[name].judge
     assert make is not None
     return make()
+
+
+def changed_motion(robot: "Robot", motion: "Motion") -> ChangedMotion | None:
+    """Return a motion as a feature changes it before it is checked; None if it stays as it is."""
+    return next((made for _, change in giving("change_motion") if (made := change(robot, motion))), None)
 
 
 def drive_model() -> DriveModel | None:

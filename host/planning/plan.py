@@ -10,7 +10,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import AxisRecords, Int64Array
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.features import drive_model
+from steptwin.host.common.features import ChangedMotion, drive_model
 from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.motions.held import Hold, held, time_span
 from steptwin.host.planning.peaks import Peak, Quantity
@@ -40,6 +40,7 @@ class Plan:
         points_units: shape (points, joints), absolute positions in wire units.
         velocities: shape (points, joints), in 1/64 unit per ms; 0 at both ends.
         peaks: highest step rate, speed and acceleration of each joint, all within their limits.
+        changed: how a feature has changed the motion before it was planned; None if it has not.
     """
 
     robot: Robot
@@ -48,6 +49,7 @@ class Plan:
     points_units: Int64Array
     velocities: Int64Array
     peaks: tuple[Peak, ...]
+    changed: ChangedMotion | None = None
 
     def __post_init__(self) -> None:
         for array in (self.times_ms, self.points_units, self.velocities):

@@ -13,6 +13,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import changed_motion
 from steptwin.host.common.planning_time import in_planning_time
 from steptwin.host.planning import checks
 from steptwin.host.planning.motion import DEFAULT_POINT_MS, Motion
@@ -37,6 +38,8 @@ from steptwin.protocol.pvt import DURATION_MAX_MS, VELOCITY_PER_UNIT_PER_MS
 @in_planning_time()
 def plan(robot: Robot, motion: Motion, point_ms: int = DEFAULT_POINT_MS) -> Plan:
     """Sample a motion every `point_ms` milliseconds and at its breakpoints, check it and convert it.
+
+    A feature may change the motion before, such as shape it against oscillations: the plan has the changed one.
 
     Raises:
         InputError: the motion has other joints than the robot, is not finite, exceeds a limit of position, speed,
@@ -123,7 +126,21 @@ def step_peaks(robot: Robot, part: Motion, from_ms: int, windows: Iterable[Sampl
 
 
 def _plan(robot: Robot, motion: Motion, point_ms: int) -> Plan:
-    """Plan a motion; raise TooFastError if it must be stretched."""
+    """Plan a motion as features change it; raise TooFastError if it must be stretched."""
+    changed = changed_motion(robot, motion)
+    if changed is None:
+        return plan_executed(robot, motion, point_ms)
+    return replace(plan_executed(robot, changed.motion, point_ms), changed=changed)
+
+
+def executed_duration_s(robot: Robot, motion: Motion) -> float:
+    """Return the duration of a motion as features change it before it is checked."""
+    changed = changed_motion(robot, motion)
+    return motion.duration_s if changed is None else changed.motion.duration_s
+
+
+def plan_executed(robot: Robot, motion: Motion, point_ms: int = DEFAULT_POINT_MS) -> Plan:
+    """Plan a motion exactly as it is, such as one that has been planned before; raises as `plan`."""
     checks.check_joint_names(robot, motion)
     times_ms = _point_times_ms(motion, point_ms)
     check = checks.SampleCheck(robot, checks.knots_ms(motion))

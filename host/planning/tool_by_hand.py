@@ -34,7 +34,7 @@ from steptwin.host.planning.motions.tool_move import (
 )
 from steptwin.host.planning.paths import FreeAttitude, OnTheSpot, Oriented, StraightLine, ToolPath, Turn
 from steptwin.host.planning.plan import Plan
-from steptwin.host.planning.planner import plan_stretched
+from steptwin.host.planning.planner import executed_duration_s, plan_stretched
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
 from steptwin.host.robots.kinematics.base import tool_frames
 from steptwin.host.robots.poses import PLACE, STEP_NAMES, TURNS, Pose, Task, Turning, turn_of
@@ -174,7 +174,7 @@ def _plan(robot: Robot, standing: list[float], step: ToolStep, ramp_s: float) ->
     """Return the plan of a step with a ramp, and the factor by which the joints' limits make it slower."""
     motion = _motion(robot, within_limits(robot, standing), step, ramp_s)
     plan = plan_stretched(robot, motion)
-    return plan, plan.motion.duration_s / motion.duration_s
+    return plan, plan.motion.duration_s / executed_duration_s(robot, motion)
 
 
 def step_path(robot: Robot, start: FloatArray, step: ToolStep) -> ToolPath:

@@ -20,7 +20,7 @@ from scipy.linalg import eigh
 
 from steptwin.features.fastest.drives import DriveTrial, PathLoad
 from steptwin.features.fastest.rows import PathRates, Rows
-from steptwin.features.fastest.shaper import Shaper, mzv_shaper
+from steptwin.features.fastest.shaper import Oscillation, Shaper, ShaperKind, shaper_of
 from steptwin.features.motors.rotors.arm import Arm
 from steptwin.features.motors.rotors.motor import RAD_S_PER_RPM
 from steptwin.features.motors.rotors.rotors import Drive
@@ -38,6 +38,7 @@ from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.planning.drives import DriveAnswer
 from steptwin.host.planning.motion import Motion
 from steptwin.host.planning.motions.sampled import Spline
+from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.execution import execute
@@ -51,6 +52,8 @@ SOFTER: Final = 0.85
 """Frequency for which motions are shaped over that of the arm's slowest swing: a loaded motor is a softer spring."""
 _SWING_PLACES: Final = 9
 """Number of places on a path where the arm's oscillation is computed."""
+_TAKES_PART: Final = 0.1
+"""Least fraction of an oscillation's energy in the motor of a joint that takes part in it."""
 _STANDS: Final = 1e-9
 """Fraction of the fastest rotor's speed on a path below which a rotor is at standstill."""
 LOAD_MAX_DEG: Final = 85.0
@@ -59,7 +62,7 @@ FASTER: Final = 0.87
 """Fraction of its duration in which the rotors must still follow a motion."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class MotorLimits:
     """Motors of a robot and their torque reserve; implements DriveLimits.
 
@@ -105,14 +108,39 @@ class MotorLimits:
         A motor is a spring, its pull-out torque at rest for each rad of the electrical angle, in series with its belt.
         The coupled inertias are those of rotors and `carried_inertias`.
         """
-        springs = np.array(
+        springs = np.diag(self._springs_nm_rad)
+        inertias = carried_inertias(self.robot, arm, joints) + self._rotor_inertias
+        lowest = min(float(eigh(springs, (each + each.T) / 2.0, eigvals_only=True)[0]) for each in inertias)
+        return float(np.sqrt(lowest)) / (2.0 * pi)
+
+    def joint_oscillations(self, joints: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the slowest oscillation in which each joint takes part: frequencies in Hz and damping ratios.
+
+        Both have the shape (joints,). The payload hangs at the tool. `joints`, of shape (n, joints), are the poses of a
+        motion; the frequency is the middle of the lowest and the highest one. The motors are springs as for `swing_hz`.
+        """
+        turns = rotors_of(self.robot, np.eye(len(self.robot.joints)))
+        springs = (turns * self._springs_nm_rad) @ turns.T
+        drags = (turns * np.array([drive.motor.drag_nm_s for drive in self.drives])) @ turns.T
+        inertias = turns @ (carried_inertias(self.robot, self.arms[1], joints) + self._rotor_inertias) @ turns.T
+        squares, modes = zip(*(eigh(springs, (each + each.T) / 2.0) for each in inertias), strict=True)
+        rad_s, at = np.sqrt(np.array(squares)), np.array(modes)
+        shares = (at * (springs @ at) / np.square(rad_s)[:, np.newaxis]).mean(axis=0)
+        slowest = np.argmax(shares >= _TAKES_PART, axis=1)
+        dampings = (np.einsum("npm,pq,nqm->nm", at, drags, at) / (2.0 * rad_s)).mean(axis=0)
+        return ((rad_s.min(axis=0) + rad_s.max(axis=0)) / (4.0 * pi))[slowest], dampings[slowest]
+
+    @cached_property
+    def _rotor_inertias(self) -> FloatArray:
+        return np.diag([drive.motor.rotor_inertia_kgm2 for drive in self.drives])
+
+    @cached_property
+    def _springs_nm_rad(self) -> FloatArray:
+        """Torque at each rotor for a rad of the rotor: pull-out torque at rest, in series with the belt."""
+        fields = np.array(
             [drive.motor.teeth * curve.torque_nm[0] for drive, curve in zip(self.drives, self.curves, strict=True)]
         )
-        springs = 1.0 / (1.0 / springs + 1.0 / np.array([drive.stiffness_nm_rad for drive in self.drives]))
-        own = np.diag([drive.motor.rotor_inertia_kgm2 for drive in self.drives])
-        inertias = carried_inertias(self.robot, arm, joints) + own
-        lowest = min(float(eigh(np.diag(springs), (each + each.T) / 2.0, eigvals_only=True)[0]) for each in inertias)
-        return float(np.sqrt(lowest)) / (2.0 * pi)
+        return 1.0 / (1.0 / fields + 1.0 / np.array([drive.stiffness_nm_rad for drive in self.drives]))
 
     def along(self, rates: PathRates, load: PathLoad) -> "MotorsOnPath":
         """Return the motors on a path; raise InputError, with the number, if the weights alone need too much torque."""
@@ -175,7 +203,7 @@ class MotorsOnPath:
     @property
     def shaper(self) -> Shaper:
         """Shaper against the slowest swing on the path, of a loaded arm."""
-        return mzv_shaper(self.longer / (SOFTER * self._swing_hz))
+        return shaper_of(ShaperKind.MZV, Oscillation(SOFTER * self._swing_hz / self.longer))
 
     def smoother(self, factor: float) -> Self:
         """Return the same motors with motions that are averaged and shaped over so much more time."""
@@ -285,10 +313,11 @@ class MotorsOnPath:
 
 def rotor_trial(robot: Robot, motion: Motion, s: FloatArray, load: PathLoad, average_s: float) -> DriveTrial:
     """Turn the rotors by a motion whose cubics end at places `s` of the path, with the load at each place."""
-    comparison = execute(plan(robot, motion), "", fastest_kernel(), progress=lambda _: check_planning_time()).comparison
+    planned = plan(robot, motion)
+    comparison = execute(planned, "", fastest_kernel(), progress=lambda _: check_planning_time()).comparison
     driving = Driving.of(robot, comparison.evidence)
     if robot.dynamics and robot.dynamics.payload_held_by:
-        driving = replace(driving, payload=_payload(driving, motion, s, load))
+        driving = replace(driving, payload=_payload(driving, planned, motion, s, load))
     trace = rotors_after_run(driving)
     torques = torques_of_plan(driving, comparison, trace.supply_span_v[0])
     least, axis = np.unravel_index(int(np.argmin(torques.margins)), torques.margins.shape)
@@ -328,9 +357,11 @@ def _slips_at(driving: Driving) -> float | None:
     return slips
 
 
-def _payload(driving: Driving, motion: Motion, s: FloatArray, load: PathLoad) -> PayloadTimes:
+def _payload(driving: Driving, planned: Plan, motion: Motion, s: FloatArray, load: PathLoad) -> PayloadTimes:
     """Return when the payload hangs at the tool. A change counts from the earliest place where it may occur."""
     at = np.minimum(np.searchsorted(s, [change.from_s for change in load.changes]), len(s) - 1)
     times_s = motion.knots_s[at]
+    if planned.changed is not None:
+        times_s = np.array([planned.changed.later_s(t_s) for t_s in times_s.tolist()])
     counts = driving.start_counts + np.rint(times_s * COUNTS_PER_SECOND).astype(np.int64)
     return PayloadTimes(counts, np.array([load.at_start, *(change.held for change in load.changes)]))

@@ -272,7 +272,7 @@ def _cycle_time(program: Program, robot: Robot, left_percent: float) -> CycleTim
         return CycleTime(left_percent, None, refused=str(error))
     answers = [row.drives for row in made.steps if row.drives]
     weakest = min(answers, key=lambda answer: answer.left_percent)
-    return CycleTime(left_percent, made.motion.duration_s, weakest.joint, max(each.tries for each in answers))
+    return CycleTime(left_percent, made.executed.duration_s, weakest.joint, max(each.tries for each in answers))
 
 
 def draw_cycles(robot: Robot, cycles: Mapping[str, Sequence[CycleTime]], by_joints_s: float) -> "Figure":

@@ -128,21 +128,23 @@ def check_program(path: str, text: str, robot_name: str | None, findings: Findin
     advice = _advice(robot, compiled, findings) if compiled.is_whole else ()
     is_foretold = compiled.is_whole and not findings.messages and program.limits is None
     model = drive_model()
-    forecast = model.forecast(robot, compiled.motion) if model and is_foretold else None
+    forecast = model.forecast(robot, compiled.executed) if model and is_foretold else None
     document = {
         "robot": robot.name,
-        "duration_s": compiled.motion.duration_s,
+        "duration_s": compiled.executed.duration_s,
         "steps": [_step_document(row) for row in compiled.steps],
         **({model.name: forecast} if model and forecast else {}),
     }
     waits = ", and its waits for inputs" if compiled.motion.waits else ""
     said = (
         f"{robot.name} {program.title or 'program'}: {len(compiled.steps)} steps in"
-        f" {compiled.motion.duration_s:.3f} s{waits}"
+        f" {compiled.executed.duration_s:.3f} s{waits}"
     )
 
     def tell() -> None:
         _print_steps(compiled.steps)
+        if compiled.changed is not None:
+            say(compiled.changed.described())
         if forecast:
             warn(forecast)
 

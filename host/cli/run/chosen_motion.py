@@ -206,6 +206,8 @@ def choose_motion(
     options = {**options, **motion_options.keys(job)}
     motion, file, explained, is_foretold = _motion(robot, job, options, motion_options.drives(robot))
     plan = _planned(robot, motion, motion_options, explained)
+    if plan.changed is not None:
+        say(f"{job}: {plan.changed.described()}", err=True)
     model = drive_model() if is_foretold else None
     if model is not None and (forecast := model.forecast(robot, plan.motion)):
         warn(f"{job}: {forecast}")
@@ -286,15 +288,15 @@ def _program(robot: "Robot", path: str, options: Mapping[str, str]) -> _Motion:
 
 def _planned(robot: "Robot", motion: "Motion", options: MotionOptions, explained: _Explained) -> "Plan":
     """Plan a motion with its slowness, and print the consequence."""
-    from steptwin.host.planning.planner import plan, plan_stretched
+    from steptwin.host.planning.planner import executed_duration_s, plan, plan_stretched
 
     factor = options.factor()
     with naming_options("stretch", interpolate="-o interpolate=", ramps_s="-o ramps_s="), explained(factor or 1.0):
         if options.stretch is None:
             return plan(robot, motion)
         planned = plan_stretched(robot, motion, factor)
-    new_s, old_s = planned.motion.duration_s, motion.duration_s
-    if planned.motion is motion:
+    new_s, old_s = planned.motion.duration_s, executed_duration_s(robot, motion)
+    if new_s == old_s:
         say("not stretched: it is slow enough", err=True)
     else:
         say(f"stretched {new_s / old_s:.4g} times: {new_s:.3f} s instead of {old_s:.3f} s", err=True)

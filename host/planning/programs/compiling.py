@@ -1,8 +1,8 @@
 """Compile a program to the robot's motion, and to a table of its steps with peaks and limits."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from math import nan
 from typing import Any, Final, NamedTuple
@@ -12,11 +12,12 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import ChangedMotion, changed_motion
 from steptwin.host.common.findings import Findings, check_all
 from steptwin.host.common.planning_time import check_planning_time, in_planning_time, planning_step
 from steptwin.host.planning import checks
 from steptwin.host.planning.drives import DriveAnswer, MakeDrives
-from steptwin.host.planning.motion import Motion
+from steptwin.host.planning.motion import Motion, OutputChange
 from steptwin.host.planning.motions.tool_move import ToolMove
 from steptwin.host.planning.motions.whole import CornerError
 from steptwin.host.planning.no_way import NO_WAY
@@ -50,12 +51,13 @@ class StepRow:
 
     Attributes:
         made: the step as it was made.
-        from_s: time when it begins.
-        duration_s: its duration.
+        from_s: time when it begins in the executed motion.
+        duration_s: its duration there.
         branch: branch of the arm at its beginning; empty for a step without a path of the tool.
         changes: times of changes of the branch, and the new names, where two branches meet on a path.
-        notes: changes of outputs on its path, and the treatment of the corner at its end, as text.
+        remarks: changes of outputs on its path, and the treatment of the corner at its end as text.
         drives: margins of the drives in the motion that ends with it; None if they do not limit it.
+        late_s: how much later it begins, because a feature has changed the motion, than without the change.
     """
 
     made: MadeStep
@@ -63,8 +65,9 @@ class StepRow:
     duration_s: float
     branch: str = ""
     changes: tuple[tuple[float, str], ...] = ()
-    notes: tuple[str, ...] = ()
+    remarks: tuple[str | OutputChange, ...] = ()
     drives: DriveAnswer | None = None
+    late_s: float = 0.0
 
     @property
     def place(self) -> Place:
@@ -75,6 +78,26 @@ class StepRow:
     def text(self) -> str:
         """The step as text."""
         return str(self.made.step)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Its remarks as text."""
+        return tuple(each if isinstance(each, str) else switching_words(each) for each in self.remarks)
+
+    def changed(self, later_s: Callable[[float], float]) -> "StepRow":
+        """Return the row of a motion that a feature has changed; `later_s` converts times."""
+        remarks = (
+            each if isinstance(each, str) else replace(each, from_s=later_s(each.from_s)) for each in self.remarks
+        )
+        from_s = later_s(self.from_s)
+        return replace(
+            self,
+            from_s=from_s,
+            duration_s=round(later_s(self.from_s + self.duration_s) - from_s, 3),
+            changes=tuple((later_s(t_s), name) for t_s, name in self.changes),
+            remarks=tuple(remarks),
+            late_s=from_s - self.from_s,
+        )
 
     @property
     def peaks(self) -> tuple[Peak, ...]:
@@ -97,14 +120,21 @@ class CompiledProgram:
     """A program's motion and its steps.
 
     Attributes:
-        motion: the motion.
+        motion: the motion, for the planner.
         steps: the steps.
         is_whole: False if anything but the speed of steps is wrong; the rest is then incomplete.
+        changed: the motion as a feature changes it before it is checked; None if it stays as it is.
     """
 
     motion: Motion
     steps: tuple[StepRow, ...]
     is_whole: bool
+    changed: ChangedMotion | None = None
+
+    @property
+    def executed(self) -> Motion:
+        """The motion as it is executed."""
+        return self.motion if self.changed is None else self.changed.motion
 
     def fast_steps(self) -> tuple[str, ...]:
         """Return a message for each step that is too fast, with passing values of its own keys."""
@@ -125,8 +155,9 @@ class CompiledProgram:
                 raise InputError(f"{steps[0]}{more}; or the whole program: {error.advice}") from error
             if not error.peaks:
                 raise
-            t_s = error.peaks[0].t_s / stretch
-            row = max((row for row in self.steps if row.from_s <= t_s), key=lambda row: row.from_s)
+            t_s = error.peaks[0].t_s
+            begun = (row for row in self.steps if stretch * (row.from_s - row.late_s) + row.late_s <= t_s)
+            row = max(begun, key=lambda row: row.from_s)
             where = f"{row.place} ({row.text})"
             raise InputError(f"{where}: {error}").plainly(f"{where}: {error.plain}") from error
 
@@ -231,7 +262,10 @@ class _Walk:
 
     def compiled(self, expects: Mapping[str, Any], *, is_whole: bool) -> CompiledProgram:
         """Return the result so far."""
-        return CompiledProgram(self._moves.composer.sequence(expects), tuple(self.rows), is_whole)
+        motion, rows = self._moves.composer.sequence(expects), tuple(self.rows)
+        if not is_whole or not self.has_moved or not (changed := changed_motion(self._robot, motion)):
+            return CompiledProgram(motion, rows, is_whole)
+        return CompiledProgram(motion, tuple(row.changed(changed.later_s) for row in rows), is_whole, changed)
 
     @property
     def has_moved(self) -> bool:
@@ -322,7 +356,7 @@ class _Walk:
                 self._add_gathered()
             else:
                 part = moves.composer.motion_since(from_s) if step.moves else None
-                notes = (*moves.notes, *map(switching_words, moves.switched))
+                notes: tuple[str | OutputChange, ...] = (*moves.notes, *moves.switched)
                 moves.notes, moves.switched = (), ()
                 way: BranchesOnWay = ("", ())
                 if part is not None and isinstance(part.law, ToolMove):

@@ -9,6 +9,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from steptwin.host.common.features import changed_motion
 from steptwin.host.common.planning_time import check_planning_time, planning_step
 from steptwin.host.planning import checks
 from steptwin.host.planning.checks import TooFastError
@@ -150,7 +151,7 @@ class MadeStep:
         step: the step.
         before: moves with the step's start.
         from_ms: time in the program when it begins.
-        part: its motion; None without one.
+        part: its motion before features change it; None without one.
     """
 
     robot: Robot
@@ -160,6 +161,11 @@ class MadeStep:
     from_ms: int
     part: Motion | None
 
+    @cached_property
+    def _executed(self) -> Motion | None:
+        changed = None if self.part is None else changed_motion(self.robot, self.part)
+        return self.part if changed is None else changed.motion
+
     @property
     def peaks(self) -> tuple[Peak, ...]:
         """Peaks of each joint; empty without motion, or if PVT records cannot hold it."""
@@ -168,21 +174,21 @@ class MadeStep:
     @cached_property
     def positions(self) -> checks.SampleCheck:
         """Its positions, for `check_joint`."""
-        if self.part is None:
+        if self._executed is None:
             return checks.SampleCheck(self.robot, np.zeros(0))
-        check = checks.SampleCheck(self.robot, checks.knots_ms(self.part) + self.from_ms)
-        for _ in check.looking(shifted(sampled(self.part), self.from_ms / 1000)):
+        check = checks.SampleCheck(self.robot, checks.knots_ms(self._executed) + self.from_ms)
+        for _ in check.looking(shifted(sampled(self._executed), self.from_ms / 1000)):
             pass
         return check
 
     @cached_property
     def _look(self) -> _Examination:
         """Examine the motion once, on first use: a run leaves that to the planner."""
-        if self.part is None:
+        if self._executed is None:
             return _Examination((), None)
-        windows = shifted(sampled(self.part), self.from_ms / 1000)
+        windows = shifted(sampled(self._executed), self.from_ms / 1000)
         try:
-            return _Examination(step_peaks(self.robot, self.part, self.from_ms, windows), None)
+            return _Examination(step_peaks(self.robot, self._executed, self.from_ms, windows), None)
         except TooFastError as error:
             return _Examination((), error)
 

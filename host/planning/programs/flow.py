@@ -45,9 +45,9 @@ class LegTime:
     drives: DriveAnswer | None = None
 
     @property
-    def notes(self) -> tuple[str, ...]:
-        """Treatment of the corner at the step's end, and changes of outputs, as text."""
-        notes = [switching_words(change) for change in self.switched]
+    def notes(self) -> tuple[str | OutputChange, ...]:
+        """Changes of outputs, and the treatment of the corner at the step's end as text."""
+        notes: list[str | OutputChange] = [*self.switched]
         if self.stops:
             notes.append("stops at its end, which is faster than rounding the corner")
         elif self.passes_mm is not None:

@@ -1,11 +1,13 @@
 """Verdicts by path on made captures: clean ones of each controller pass, each kind of fault is named."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from steptwin.features.captures.channel_map import AxisSignals
+from steptwin.features.captures.command import CaptureOptions, _planned
 from steptwin.features.captures.path_faults import FaultKind
 from steptwin.features.captures.path_verdict import PathVerdict, judge_path
 from steptwin.features.captures.step_rules import CONTROLLERS, ESTIMATES
@@ -219,6 +221,35 @@ def test_arcs_of_grbl_are_chords() -> None:
     assert found.passed
     assert found.half_steps == pytest.approx(1.20 + 0.002 * 160.0, abs=1e-3)
     assert judged(square("grbl"), "grbl").half_steps == 1.20
+
+
+def test_chords_of_klipper_are_told() -> None:
+    """Chords of 1 mm are farther than a step from an arc: the capture of a right controller fails, with a hint."""
+    round_path = [arc((0.0, 0.0), 2.0, 0.0, 200.0)]
+    turns = np.linspace(0.0, np.deg2rad(200.0), 8)
+    chords = polygon([(2.0 * np.cos(turn), 2.0 * np.sin(turn)) for turn in turns])
+    expected = Drawn(round_path, LAW).expected(160.0)
+    for drawn, passes in ((round_path, True), (chords, False)):
+        steps = CONTROLLERS_MADE["klipper"](Drawn(drawn, LAW), 160.0, np.random.default_rng(1))
+        found = judge_path(signals(steps), expected, RULES["klipper"], 1.0 / RATE_HZ)
+        assert found.passed is passes
+        assert found.hint == (
+            "" if passes else "the path has arcs, which klipper goes in chords of about 1 mm: let the file have lines"
+        )
+
+
+def test_gcode_is_followed_to_its_very_corners(tmp_path: Path) -> None:
+    """Elsewhere a dialect's corners are rounded; a controller goes to them, and so a clean capture would fail."""
+    (tmp_path / "part.gcode").write_text("G28\nG1 X60 Y60 Z200 F6000\nG1 X80 Y60\nG1 X80 Y90\n")
+    words = f"corexy-gantry {tmp_path}/part.gcode dialect=klipper"
+    nearest_mm = []
+    for wanted in (words, f"{words} blend_mm=0.2"):
+        _, _, plan = _planned(CaptureOptions(), Path(wanted), "--path")
+        assert plan is not None
+        t_s = np.arange(0.0, plan.motion.duration_s, 0.001)
+        nearest_mm.append(np.abs(plan.motion.positions(t_s)[:, :2] - [80.0, 60.0]).max(axis=1).min())
+    assert nearest_mm[0] < 1e-6
+    assert nearest_mm[1] > 0.02
 
 
 def test_the_document_has_axes_faults_and_places() -> None:

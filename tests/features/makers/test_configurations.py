@@ -238,7 +238,10 @@ def test_microsteps_and_travel_share_the_steps(settings: dict[str, str], microst
         ("klipper/corexy-tmc.cfg", "X: endstop_pin tmc2209_stepper_x:virtual_endstop is no switch: homing is left out"),
         ("klipper/corexy-tmc.cfg", "Y: STEP makes a step at each edge, up and down"),
         ("klipper/bed-slinger.cfg", "not read: [extruder], [fan]"),
-        ("klipper/slow-pulses.cfg", "[input_shaper] is not read"),
+        (
+            "klipper/slow-pulses.cfg",
+            "[input_shaper] is not read: switch it off for a capture; [shaping] shapes motions here (docs/shaping.md)",
+        ),
         ("klipper/slow-pulses.cfg", "Z: the switch at 1.25"),
         ("grbl/laser-with-comments.txt", "$130 stands several times: the last one holds"),
         ("grbl/laser-with-comments.txt", "$1=25: the motors lose their current at each standstill"),
