@@ -69,6 +69,8 @@ USES: Final = {
         "tests/features/calibration/test_files.py::TestErrorsInARobotFile::test_what_is_wrong",
         "tests/features/campaigns/test_docs.py::test_the_nightly_campaign_has_every_fault",
         "tests/features/faults/test_users.py::test_the_python_of_the_page",
+        "tests/features/urdf/test_urdf_command.py::test_a_robot_becomes_a_urdf",
+        "tests/features/urdf/test_urdf_export.py::test_other_kinds_are_refused_by_name",
         "tests/host/cli/test_check_robot.py::test_a_renamed_joint_is_said_to_be_missing",
         "tests/host/cli/test_new.py::test_wrong_settings_write_nothing[words0]",
         "tests/host/cli/test_new.py::test_wrong_settings_write_nothing[words1]",
