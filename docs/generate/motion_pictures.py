@@ -1,4 +1,4 @@
-"""Draw the pictures of docs/motions.md, programs.md, motors.md and shaping.md: corners, limits, torques, swings."""
+"""Draw the pictures of docs/motions.md, programs.md and motors.md: corners, limits, torques, swings."""
 
 from collections.abc import Iterator
 from dataclasses import replace

@@ -53,7 +53,7 @@ _FIRST_PAGE: Final = """<!doctype html>
 """
 """Leads from the site's own address to its first page, whose address has the folder of the pages in it."""
 _FOLDER_LINK: Final = re.compile(r"(?<!!)\[([^\]]+)\]\(([^)#:]+)\)")
-_WITHOUT_ENTRY: Final = ("CHANGELOG", "CODE_OF_CONDUCT", "README", "RELEASING", "SECURITY")
+_WITHOUT_ENTRY: Final = ("CHANGELOG", "CODE_OF_CONDUCT", "CONTRIBUTING", "README", "RELEASING", "SECURITY")
 """Pages that others link to and the menu leaves out."""
 _LISTED: Final = re.compile(r"^- .*?\]\(([^)]+\.md)\)", re.MULTILINE)
 

@@ -1,4 +1,4 @@
-"""What is left of the oscillation by the model of motors: the figures of docs/shaping.md."""
+"""What is left of the oscillation by the model of motors: the figures of docs/motions.md."""
 
 import pytest
 

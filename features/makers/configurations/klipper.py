@@ -300,4 +300,4 @@ def _notes(printer: _Section, sections: _Sections, *, corexy: bool) -> Iterator[
         if not chip:
             yield f"{axis.upper()}: microsteps must be what the driver's jumpers say: Klipper cannot check it"
     if "input_shaper" in sections.found:
-        yield "[input_shaper] is not read: switch it off for a capture; [shaping] shapes motions here (docs/shaping.md)"
+        yield "[input_shaper] is not read: switch it off for a capture; [shaping] shapes motions here (docs/motions.md)"

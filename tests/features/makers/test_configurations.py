@@ -240,7 +240,7 @@ def test_microsteps_and_travel_share_the_steps(settings: dict[str, str], microst
         ("klipper/bed-slinger.cfg", "not read: [extruder], [fan]"),
         (
             "klipper/slow-pulses.cfg",
-            "[input_shaper] is not read: switch it off for a capture; [shaping] shapes motions here (docs/shaping.md)",
+            "[input_shaper] is not read: switch it off for a capture; [shaping] shapes motions here (docs/motions.md)",
         ),
         ("klipper/slow-pulses.cfg", "Z: the switch at 1.25"),
         ("grbl/laser-with-comments.txt", "$130 stands several times: the last one holds"),
