@@ -68,7 +68,7 @@ def _read(value: Any, reading: FileReading) -> Shaping:
 
 def _schema() -> dict[str, Any]:
     hint: Any = Mapping[str, JointShaping]
-    return table_schema(hint)
+    return {**table_schema(hint), "description": "Input shapers of joints that oscillate, by joint."}
 
 
 SHAPING_TABLE: Final = Annotated[Any, ReadBy(_read, _schema)]

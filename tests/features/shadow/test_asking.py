@@ -17,7 +17,7 @@ from steptwin.protocol.storage import checksum
 from tests.messages import refusing
 
 NAMES = {0x10: "th1", 0x11: "th2"}
-QUESTIONS = 2 * 206
+QUESTIONS = 2 * 212
 ENABLED = 0x0637
 FAULT = 0x0608
 ELSES_REQUEST = Frame(COB_SDO_REQUEST + 0x11, bytes.fromhex("40 6460 00 00000000"))
