@@ -5,6 +5,7 @@ from docs.generate.command_line import COMMAND_LINE_PAGE, render_command_line
 from docs.generate.drawer_pull_film import write_drawer_pull_film
 from docs.generate.driver_page import DRIVER_PAGE, write_driver_pictures
 from docs.generate.machine_pages import FAULTS_PAGE, RUN_FOLDER_PAGE
+from docs.generate.machine_row import write_machines_row
 from docs.generate.masters_page import MASTERS_PAGE
 from docs.generate.motion_pictures import write_motion_pictures
 from docs.generate.paper_pages import write_papers
@@ -42,6 +43,7 @@ def main() -> None:
     write_waveform_pictures(runs)
     write_calibration_picture()
     write_machine_pictures()
+    write_machines_row()
     write_motion_pictures()
     write_warehouse_picture()
     write_drawer_pull_film(runs)
