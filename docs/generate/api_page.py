@@ -12,6 +12,7 @@ from docs.generate.markdown import table
 
 _SECTION: Final = re.compile(r"^(Args|Attributes|Raises):\n((?:[ ]{4}.*\n?|\n)+)", re.MULTILINE)
 _ENTRY: Final = re.compile(r"^ {4}(\S[^:\n]*): ((?:.|\n {8})*)", re.MULTILINE)
+_DEFAULT_CHARS_MAX: Final = 40
 _NOT_SHOWN: Final = (object, tuple, str, BaseException)
 """Bases whose members the page leaves out: Python documents them."""
 
@@ -45,10 +46,10 @@ class _Docstring:
 
 
 def signature(function: Any) -> str:
-    """Return parameters with their defaults, without types; a function as a default reads `...`."""
+    """Return parameters with their defaults, without types; functions and large objects as defaults read `...`."""
     found = inspect.signature(function)
     parameters = [
-        p.replace(annotation=p.empty, default=... if inspect.isfunction(p.default) else p.default)
+        p.replace(annotation=p.empty, default=p.default if len(repr(p.default)) <= _DEFAULT_CHARS_MAX else ...)
         for p in found.parameters.values()
         if p.name != "self"
     ]
