@@ -49,11 +49,15 @@ def signature(function: Any) -> str:
     """Return parameters with their defaults, without types; functions and large objects as defaults read `...`."""
     found = inspect.signature(function)
     parameters = [
-        p.replace(annotation=p.empty, default=p.default if len(repr(p.default)) <= _DEFAULT_CHARS_MAX else ...)
+        p.replace(annotation=p.empty, default=... if _is_large(p.default) else p.default)
         for p in found.parameters.values()
         if p.name != "self"
     ]
     return str(found.replace(parameters=parameters, return_annotation=found.empty)).replace("Ellipsis", "...")
+
+
+def _is_large(default: Any) -> bool:
+    return inspect.isfunction(default) or len(repr(default)) > _DEFAULT_CHARS_MAX
 
 
 def public_members(cls: type) -> dict[str, str]:
