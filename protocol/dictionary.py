@@ -174,7 +174,9 @@ class Cell:
             raise SdoAbortError(AbortCode.VALUE_TOO_HIGH if value > self.high else AbortCode.VALUE_TOO_LOW)
         if self._values is not None and value not in self._values:
             raise SdoAbortError(AbortCode.VALUE_RANGE)
-        self.command(value)
+        if self.obey is not None:  # as `command`, without its call
+            self.obey(value)
+        self.value = value
 
     def command(self, value: int) -> None:
         """Let the firmware act on a value, without a check of its range, then store it."""

@@ -354,10 +354,11 @@ class AxisDrive:
         if inputs & ~self.supervision.inputs & DigitalInput.ESTOP:
             self._count_fault()
         self._probes.inputs_changed(self.supervision.inputs, inputs)
-        torque_changed = (inputs ^ self.supervision.inputs) & DigitalInput.TORQUE_OFF
         self.supervision.inputs = inputs
         self._context.changed(od.DIGITAL_INPUTS)
-        if torque_changed:
+        torque_off = DigitalInput.TORQUE_OFF in inputs
+        if torque_off != self.supervision.torque_off:
+            self.supervision.torque_off = torque_off
             self._change_torque_off()
         if self.energised:
             self.supervision.check()

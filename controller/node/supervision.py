@@ -36,6 +36,8 @@ class Supervision:
         self._watches_limits = self._watches_following = False
         self.inputs: DigitalInput = DigitalInput(0)
         """Present input levels of the axis."""
+        self.torque_off = False
+        """True while safe torque off (STO) is requested."""
         self.due_us: int | None = None
         """Time of the next call of `poll`; None if there is nothing to supervise."""
         context.dictionary.bind(self)
@@ -62,11 +64,6 @@ class Supervision:
     def supplied(self) -> bool:
         """True while the motor supply is at least the lowest voltage allowed (2002h:03)."""
         return self._measurements.supply_10mv >= self._dictionary.get(od.SUPPLY_VOLTAGE_MIN)
-
-    @property
-    def torque_off(self) -> bool:
-        """True while safe torque off (STO) is requested."""
-        return bool(self.inputs & DigitalInput.TORQUE_OFF)
 
     def check(self) -> None:
         """Trip the drive for every cause that is present."""

@@ -136,7 +136,7 @@ def test_it_joins_a_machine_that_runs(
     summary = json.loads(line)
     assert summary.pop("board_frames") > 500
     assert summary == {"joined": True, "discrepancies": 0}
-    assert len(bus.sent) == 4 * 206
+    assert len(bus.sent) == 4 * 212
 
 
 @pytest.mark.slow
