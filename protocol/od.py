@@ -353,7 +353,7 @@ BOARD_AXES = ro(0x2010_06, U8, "Number of axes on the board", read="AxisMotion.b
 INTERPOLATION_SET_POINT = rw(
     0x2011_00,
     I32,
-    "Set-point of linear interpolation (0x60C0 = 0)",
+    "Set-point of linear interpolation, if 0x60C0 is 0",
     unit=POSITION,
     mapping=RX,
     write="CyclicPosition.note_set_point_at",

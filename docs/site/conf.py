@@ -55,6 +55,22 @@ _FIRST_PAGE: Final = """<!doctype html>
 _FOLDER_LINK: Final = re.compile(r"(?<!!)\[([^\]]+)\]\(([^)#:]+)\)")
 _WITHOUT_ENTRY: Final = ("CHANGELOG", "CODE_OF_CONDUCT", "CONTRIBUTING", "README", "RELEASING", "SECURITY")
 """Pages that others link to and the menu leaves out."""
+_FOUND_BY: Final = {
+    "docs/captures": "lost steps, logic analyser, Saleae, sigrok",
+    "docs/ci": "fixture, GitHub Actions",
+    "docs/driver": "A4988, DRV8825, TMC2209",
+    "docs/machines": "DH parameters, calibration",
+    "docs/motions": "CSV, spline, time law, resonance",
+    "docs/motors": "torque, stall, inertia",
+    "docs/panel": "emergency stop, browser",
+    "docs/programs": "G-code, grbl, LinuxCNC",
+    "docs/robot-files": "own arm, limit switches, own robot, home switch",
+    "docs/run-folder": "report.json, VCD, trajectory.csv, edges.npz",
+    "docs/shadow": "candump, bus log",
+    "docs/warehouse": "drawer, shelf",
+}
+"""Words that the search finds a page by first, beside those of its headings."""
+_TITLE: Final = re.compile(r"^# .*\n", re.MULTILINE)
 _LISTED: Final = re.compile(r"^- .*?\]\(([^)]+\.md)\)", re.MULTILINE)
 
 
@@ -76,6 +92,8 @@ def _read(_app: Sphinx, page: str, source: list[str]) -> None:
         text = head + "\n" + "".join(map(_menu, sections))
     elif page in _WITHOUT_ENTRY:
         text = f"---\norphan: true\n---\n\n{text}"
+    if words := _FOUND_BY.get(page):
+        text = _TITLE.sub(lambda title: f"{title[0]}\n```{{index}} {words}\n```\n", text, count=1)
     source[0] = text
 
 

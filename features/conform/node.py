@@ -150,7 +150,13 @@ class NodeUnderTest:
         self._link.network.send_message(cob_id, data)
 
     def request_state(self) -> int | None:
-        """Ask for the NMT state by node guarding; return the answer's byte, None without an answer."""
+        """Ask for the NMT state by node guarding; return the answer's byte, None without an answer.
+
+        Raises:
+            SkippedError: the interface is python-can's socketcand, which would send a data frame instead.
+        """
+        if type(self._link.network.bus).__module__.startswith("can.interfaces.socketcand"):
+            raise SkippedError("python-can's socketcand interface sends no remote frames")
         mark, cob_id = self.mark(), COB_HEARTBEAT + self.node_id
         self.traffic.append(Traffic(self._link.now_s(), True, Frame(REMOTE | cob_id, b"")))
         self._link.network.send_message(cob_id, b"\0", remote=True)

@@ -140,7 +140,9 @@ def test_only_classical_frames_pass(bridged: tuple[LiveRig, CanBridge], virtual:
 
 
 def test_a_remote_frame_asks_a_node_for_its_state(bridged: tuple[LiveRig, CanBridge], virtual: can.BusABC) -> None:
-    """Node guarding: the toggle bit begins with 0."""
+    """Node guarding: the toggle bit begins with 0. The answer to an SDO comes behind the boot-up message."""
+    virtual.send(READ_TYPE)
+    receive(virtual, 0x590)
     for state in (0x7F, 0xFF):
         virtual.send(can.Message(arbitration_id=0x710, is_extended_id=False, is_remote_frame=True))
         assert bytes(receive(virtual, 0x710).data) == bytes((state,))
