@@ -93,7 +93,8 @@ def _read(_app: Sphinx, page: str, source: list[str]) -> None:
     elif page in _WITHOUT_ENTRY:
         text = f"---\norphan: true\n---\n\n{text}"
     if words := _FOUND_BY.get(page):
-        text = _TITLE.sub(lambda title: f"{title[0]}\n```{{index}} {words}\n```\n", text, count=1)
+        main = ", ".join(f"!{each}" for each in words.split(", "))
+        text = _TITLE.sub(lambda title: f"{title[0]}\n```{{index}} {main}\n```\n", text, count=1)
     source[0] = text
 
 
