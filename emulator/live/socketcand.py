@@ -39,6 +39,7 @@ WINDOW_FRAMES: Final = 16
 
 _BETWEEN: Final = b" \t\r\n"
 _SEND: Final = re.compile(rb"<\s*send\s+([0-9A-Fa-f]{1,3}|[0-9A-Fa-f]{8})\s+([0-8])((?:\s+[0-9A-Fa-f]{1,2})*)\s*>")
+_REMOTE: Final = re.compile(rb"<\s*sendrtr\s+([0-9A-Fa-f]{1,3}|[0-9A-Fa-f]{8})\s+[0-8]\s*>")
 _WORDS: Final = re.compile(rb"<\s*([a-z]+)((?:\s+[^\s<>]+)*)\s*>")
 
 
@@ -58,8 +59,8 @@ _MODES: Final = {
     (SessionMode.RAW, b"rawmode"): SessionMode.RAW,
 }
 """Commands with the answer `< ok >`, and the mode after them."""
-_FOREIGN: Final = (b"sendrtr", b"fdsend")
-"""Commands that send other kinds of frames, which the board does not accept."""
+_FOREIGN: Final = b"fdsend"
+"""Command that sends a CAN FD frame, which the board does not accept."""
 _SENDING: Final = (SessionMode.BUS_OPEN, SessionMode.RAW)
 
 
@@ -73,7 +74,7 @@ class SocketcandSession:
         self.outbox: bytearray = bytearray(b"< hi >")
         """Bytes to send to the client; the server removes the sent ones."""
         self.foreign_frames: int = 0
-        """Number of dropped frames: remote frames, CAN FD frames and frames with 29-bit identifiers."""
+        """Number of dropped frames: CAN FD frames and frames with 29-bit identifiers."""
         self._inbox = bytearray()
         self._held: bytearray | None = None
         """Text of frames held during the pause after `rawmode`; None outside of it."""
@@ -88,12 +89,16 @@ class SocketcandSession:
     def next_frame(self) -> Frame | None:
         """Return the next frame from the client; None if more bytes are needed or the session is closed."""
         while (command := self._next_command()) is not None:
-            sending = _SEND.fullmatch(command)
-            if sending and self.mode in _SENDING:
+            if self.mode not in _SENDING:
+                self._obey(command)
+            elif sending := _SEND.fullmatch(command):
                 self.break_silence()
-                frame = self._frame(*sending.groups())
-                if frame:
+                if frame := self._frame(*sending.groups()):
                     return frame
+            elif remote := _REMOTE.fullmatch(command):
+                self.break_silence()
+                if frame := self._frame(remote[1], b"0", b""):
+                    return Frame(REMOTE | frame.cob_id, b"")
             else:
                 self._obey(command)
         return None
@@ -138,7 +143,7 @@ class SocketcandSession:
                 self._held = bytearray()
         elif name == b"echo" and self.mode is not SessionMode.NO_BUS:
             self.outbox += b"< echo >"
-        elif name in _FOREIGN and self.mode in _SENDING:
+        elif name == _FOREIGN and self.mode in _SENDING:
             self.foreign_frames += 1
         else:
             self._close("unknown command")

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from steptwin.emulator.live.socketcand import COMMAND_MAX, WINDOW_FRAMES, SessionMode, SocketcandSession, frame_text
 from steptwin.emulator.live.tcp_server import BACKLOG_MAX_BYTES, select_files
-from steptwin.protocol.frame import Frame
+from steptwin.protocol.frame import REMOTE, Frame
 from tests.emulator.live.live_rig import TIMEOUT_S, LiveRig, RawClient, await_true
 
 OPENED = b"< open vcan0 >< rawmode >"
@@ -67,7 +67,8 @@ class TestDialogue:
         assert len(talk(b" \r\n< open a >\n\n< rawmode >\t< send 1 0 >\n")[1]) == 1
 
     @pytest.mark.parametrize(
-        "foreign", [b"< send 18FF1234 2 1 2 >", b"< sendrtr 123 0 >", b"< fdsend 123 0 12 0 0 0 0 0 0 0 0 0 0 0 0 >"]
+        "foreign",
+        [b"< send 18FF1234 2 1 2 >", b"< sendrtr 18FF1234 0 >", b"< fdsend 123 0 12 0 0 0 0 0 0 0 0 0 0 0 0 >"],
     )
     def test_frames_of_other_kinds_are_dropped_and_counted(self, foreign: bytes) -> None:
         """python-can takes an error message for a broken connection, so it is told nothing."""
@@ -75,6 +76,12 @@ class TestDialogue:
         assert session.outbox == b"< hi >< ok >< ok >"
         assert session.foreign_frames == 1
         assert frames == [Frame(1, b"")]
+
+    def test_a_remote_frame(self) -> None:
+        """It has the flag and no bytes, whatever length it asks for."""
+        session, frames = talk(OPENED, b"< sendrtr 710 1 >")
+        assert frames == [Frame(REMOTE | 0x710, b"")]
+        assert session.foreign_frames == 0
 
 
 class TestWhatItIsShown:
@@ -287,7 +294,7 @@ def test_half_a_command_is_waited_for(rig: LiveRig) -> None:
 
 def test_frames_of_other_kinds_are_counted(rig: LiveRig) -> None:
     client = rig.client()
-    client.send(b"< send 18FF1234 0 >< sendrtr 610 0 >")
+    client.send(b"< send 18FF1234 0 >< sendrtr 18FF1234 0 >")
     ask(client)
     assert rig.server.foreign_frames == 2
     client.close()
