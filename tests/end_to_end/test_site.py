@@ -135,9 +135,10 @@ def test_the_search_finds_the_obvious_page_first(site: Path) -> None:
 
 @pytest.mark.skipif(CHROMIUM is None or DRIVER is None, reason="Chromium and its driver are not installed")
 @pytest.mark.skipif(AXE is None, reason="axe-core-python is not installed: accessibility is not tried")
-def test_no_page_has_a_serious_finding_of_axe_light_or_dark(site: Path) -> None:
+@pytest.mark.parametrize("size", [(1280, 1000), (390, 900)], ids=["wide", "narrow"])
+def test_no_page_has_a_serious_finding_of_axe_light_or_dark(site: Path, size: tuple[int, int]) -> None:
     found = {}
-    with open_browser() as browser:
+    with open_browser(size) as browser:
         for page in LOOKED_AT:
             browser.driver.get((site / f"{page}.html").as_uri())
             for theme in ("light", "dark"):
