@@ -38,7 +38,7 @@ are those of 2011h. The axis follows while bit 4 of the controlword is set; when
 Positions are in units, velocities in 1/64 unit per ms, as on the wire.
 """
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from steptwin.controller.modes.drive_mode import DriveMode
 from steptwin.controller.modes.interpolation import Interpolation
@@ -138,6 +138,14 @@ class _SlotReceptions(NamedTuple):
 _NOTHING = _SlotReceptions(sync=False, set_point=None)
 
 
+_SET_POINTS: Final = {
+    Mode.CYCLIC_SYNCHRONOUS_POSITION: od.TARGET_POSITION,
+    Mode.CYCLIC_SYNCHRONOUS_VELOCITY: od.TARGET_VELOCITY,
+    Mode.INTERPOLATED_POSITION: od.INTERPOLATION_SET_POINT,
+}
+"""The set-point of each mode of operation."""
+
+
 class CyclicPosition(DriveMode):
     """Makes cubics from the set-points of one axis."""
 
@@ -235,8 +243,7 @@ class CyclicPosition(DriveMode):
         if not self._enabled or not (self._following or self._begin()):
             return
         slot = self._clock.hear(self._context.now_us)
-        target = od.TARGET_VELOCITY if self._by_velocity else od.TARGET_POSITION
-        target = od.INTERPOLATION_SET_POINT if self._linear else target
+        target = _SET_POINTS[self._dictionary.get(od.MODE_OF_OPERATION_DISPLAY)]
         set_point = self._dictionary.get(target) if target in self._written else self._received[slot].set_point
         self._received[slot] = _SlotReceptions(sync=True, set_point=set_point)
         self._written.clear()

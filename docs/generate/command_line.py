@@ -16,7 +16,7 @@ _HEAD: Final = """<!-- Made by `make docs` from the commands in host/cli: change
 
 # The command line
 
-Every command, as `steptwin COMMAND --help` tells it. [first-run.md](first-run.md) uses the first of them.
+All commands with their options, as `--help` prints them. [first-run.md](first-run.md) uses some.
 Exit codes: 0 is done and right, 1 not as it should be, 2 bad input, 3 stopped by a fault, 130 interrupted."""
 _MARK: Final = re.compile(r"([<>*_])")
 

@@ -151,7 +151,7 @@ class Motion:
         duration_s: duration in seconds, a whole number of milliseconds.
         law: positions and velocities of the joints.
         breakpoints_s: times in between when the acceleration jumps, whole milliseconds: each needs a PVT point.
-        smooth_ms: breakpoints in milliseconds at which the acceleration is almost continuous.
+        smooth_ms: breakpoints, in milliseconds, where the acceleration hardly jumps.
         output_changes: changes of outputs during the motion, in order of time.
         waits: waits for inputs, in order of time.
         expects: what features expect at the end, by key.

@@ -84,8 +84,8 @@ def stretch_that_passes(
     `error` is the refusal of the motion with the stretch `asked`.
     """
 
-    def passes(stretched: Motion) -> bool:
-        return _passes(robot, stretched, point_ms)
+    def passes(slower: Motion) -> bool:
+        return _passes(robot, slower, point_ms)
 
     least = error.least_stretch * _stretched(motion, asked).duration_s / motion.duration_s
     factor = smallest_stretch(motion, passes, least, asked)
@@ -201,7 +201,7 @@ class _Examined(NamedTuple):
 def _point_times_ms(motion: Motion, point_ms: int, from_ms: int = 0) -> Int64Array:
     """Return the times of the points: the grid, the breakpoints and the end, all in whole milliseconds.
 
-    The grid is that of a motion whose part from `from_ms` on is the motion.
+    The grid is that of a longer motion, of which this one is the part from `from_ms` on.
     """
     if not 1 <= point_ms <= DURATION_MAX_MS:
         raise InputError(f"{point_ms} ms between points is not from 1 to {DURATION_MAX_MS} ms")

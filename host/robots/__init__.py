@@ -54,9 +54,10 @@ def brought_text(name: str) -> str:
     Raises:
         InputError: there is no such robot; the message has the nearest name.
     """
-    if name not in robot_names():
-        raise unknown("robot", name, robot_names())
-    text = _brought()[name].read_text(encoding="utf-8")
+    brought = _brought()
+    if name not in brought:
+        raise unknown("robot", name, tuple(brought))
+    text = brought[name].read_text(encoding="utf-8")
     return text + "".join(tables(name) for _, tables in giving("robot_tables"))
 
 

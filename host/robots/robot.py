@@ -49,7 +49,7 @@ class Robot:
         coupling: how the axes follow the joints; by default each joint has a motor of its own.
         dh_errors: errors of the DH parameters, by the name of the link: no motion is planned by them; they tell where
             the tool really is.
-        base: where the base stands in the station, the frame of all poses and boxes.
+        base: position of the base in the station, the frame of all poses and boxes.
         paper: paper that describes the machine, as a citation in one line; may be empty.
         dynamics: supply and payload, for the model of motors and mechanics; None: unknown.
         toml: text of the robot file; empty for a robot that was not read from a file.
@@ -264,13 +264,13 @@ class Robot:
         return tuple(axis.name for axis in self.axes)
 
     def index_of(self, name: str) -> int:
-        """Return a joint's place among the joints by its name; raise InputError, with the nearest, if there is none."""
+        """Return the index of a joint; raise InputError with the nearest names for an unknown one."""
         if name not in self.joint_names:
             raise unknown("joint", name, self.joint_names)
         return self.joint_names.index(name)
 
     def axis_index(self, name: str) -> int:
-        """Return an axis' place among the axes, by its name or its joint's; raise InputError if there is none."""
+        """Return the index of an axis by its name or its joint's; raise InputError for an unknown one."""
         if name not in self.axis_names:
             raise unknown("joint", name, self.axis_names)
         return self.axis_names.index(name)

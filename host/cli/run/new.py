@@ -87,7 +87,7 @@ def new(
     A joint's values: JOINT.lower, JOINT.upper, JOINT.travel_per_turn (mm) or JOINT.ratio, JOINT.microsteps (8; 1/8 is
     taken for 8), JOINT.home, JOINT.motor (its model, such as 17HS19-2004S1), JOINT.mass_kg (what it moves).
 
-    With a motor, a mass or supply_v the file has all that `run --motors` needs; what is not given is marked ASSUMED.
+    A motor, a mass or supply_v adds all keys that `run --motors` needs. Assumed values are marked ASSUMED.
 
     Kinds and their dimensions, drawn in docs/robot-files.md:
 

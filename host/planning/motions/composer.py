@@ -230,7 +230,7 @@ class Composer:
         self._append(standstill(self.robot.joint_names, tuple(self.joints.tolist()), duration_s))
 
     def motion_since(self, from_s: float) -> Motion | None:
-        """Return the moves that began at this time or later; None if there are none."""
+        """Return the moves that began at or after a time; None without any."""
         first = bisect_left(self._starts_ms, round(1000 * from_s))
         parts = self._parts[first:]
         if len(parts) <= 1:

@@ -94,7 +94,7 @@ class Branch:
         joints: shape (n, joints), beyond their limits if the pose requires it, NaN if the pose is out of reach.
         mechanism: constraints of the mechanism.
         limits: constraints of the joints' limits.
-        changes: indices of poses on a path from which on the arm is on another branch, with its name.
+        changes: changes of the branch along a path: index of the first pose on it, and its name.
     """
 
     name: str
@@ -179,7 +179,7 @@ class Kinematics(Protocol):
         ...
 
     def axis_mm(self, joints: FloatArray) -> tuple[float, float]:
-        """Return x and y of the arm's first axis, from which radii are measured, at joints of shape (joints,)."""
+        """Return x and y of the arm's first axis, the centre of radii, at joints of shape (joints,)."""
         ...
 
     def links(self, joints: FloatArray) -> tuple[ArmPart, ...]:
@@ -228,7 +228,7 @@ class Kinematics(Protocol):
         ...
 
     def near_what(self, joints: FloatArray) -> str:
-        """Return the name of a singularity near joints of shape (joints,); an empty text if there is none."""
+        """Return the name of a singularity near joints of shape (joints,), or an empty text."""
         ...
 
     def singularities(self, joints: FloatArray) -> tuple[Constraint, ...]:

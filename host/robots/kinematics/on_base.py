@@ -92,7 +92,7 @@ class OnBase(KeepsBranch):
         return tuple(replace(part, points_mm=self.base.in_station(part.points_mm)) for part in parts)
 
     def axis_mm(self, joints: FloatArray) -> tuple[float, float]:
-        """Return x and y of the arm's first axis, from which radii are measured, at joints of shape (joints,)."""
+        """Return x and y of the arm's first axis, the centre of radii, at joints of shape (joints,)."""
         along_mm = sum((float(joints[column]) for column, coordinate in self.slides if coordinate == 0), 0.0)
         x_mm, y_mm, _ = self.base.in_station(np.array([along_mm, 0.0, 0.0])).tolist()
         return x_mm, y_mm
