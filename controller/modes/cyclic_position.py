@@ -38,6 +38,7 @@ are those of 2011h. The axis follows while bit 4 of the controlword is set; when
 Positions are in units, velocities in 1/64 unit per ms, as on the wire.
 """
 
+from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from steptwin.controller.modes.drive_mode import DriveMode
@@ -138,7 +139,7 @@ class _SlotReceptions(NamedTuple):
 _NOTHING = _SlotReceptions(sync=False, set_point=None)
 
 
-_SET_POINTS: Final = {
+_SET_POINTS: Final[Mapping[int, int]] = {
     Mode.CYCLIC_SYNCHRONOUS_POSITION: od.TARGET_POSITION,
     Mode.CYCLIC_SYNCHRONOUS_VELOCITY: od.TARGET_VELOCITY,
     Mode.INTERPOLATED_POSITION: od.INTERPOLATION_SET_POINT,
